@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every test shares: deterministic hypothesis, and the folder of real measurements."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import hypothesis
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# The same examples on every machine; `--hypothesis-profile=random` draws new ones.
+_COMMON = {"deadline": None, "print_blob": True}
+hypothesis.settings.register_profile("fixed", derandomize=True, database=None, **_COMMON)
+hypothesis.settings.register_profile("random", **_COMMON)
+hypothesis.settings.load_profile("fixed")
+
+
+def pytest_report_header(config: pytest.Config) -> list[str]:
+    profile = config.getoption("--hypothesis-profile", None) or "fixed"
+    shared = _shared()
+    found = "found" if shared.is_dir() else f"none at {shared}, their tests skip"
+    return [
+        f"seeds: every test seeds its own generator; hypothesis profile {profile!r}"
+        + (" (derandomised: the same examples every time)" if profile == "fixed" else ""),
+        f"real measurements: {found}",
+    ]
+
+
+def _shared() -> Path:
+    return Path(os.environ.get("COMCAL_SHARED") or ROOT.parent / "shared")
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The project's folder."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def shared_dir() -> Path:
+    """The folder of real measurements; the test skips, saying so, where there is none."""
+    shared = _shared()
+    if not shared.is_dir():
+        pytest.skip(f"no real measurements at {shared}; set COMCAL_SHARED to their folder")
+    return shared

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+r"""The moment balance of a robot at rest, for N poses of one support at once.
+
+With F, M the total wrench of the ground on the carried links, taken about the root origin in root
+axes, and :math:`S = \sum_k m_k p_k + R_k h_k` the first moment of what is carried (p_k link
+origin, h_k = m_k c_k the link's own first moment), equilibrium is
+
+.. math:: |F| = m g, \qquad M = g\, S \times \hat f, \qquad \hat f = F / |F| .
+
+No direction of gravity is assumed: each pose measures its own, as alpha .. delta of Muscolo 2017
+(10)-(13) do, without M_2. The choice of frame and of root does not matter; the root frame is used
+because there the derivatives with respect to joint angles are plain cross products.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from comcal.robot.frames import apply, skew
+from comcal.robot.kinematics import Placements, place_links
+from comcal.robot.model import Robot
+from comcal.robot.tree import Array, JointType, Tree
+from comcal.statics.stance import stance_frame
+from comcal.statics.support import Carrier
+from comcal.statics.wrenches import wrench_transform
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Everything the balance of N poses needs, at given joint angles and wrenches.
+
+    Parameters
+    ----------
+    placements : Placements
+        In the root frame.
+    X : array, shape (N, n_sensors, 6, 6)
+        Takes each loaded sensor's wrench to the root frame.
+    wrench_each : array, shape (N, n_sensors, 6)
+        The loaded wrenches in and about the root frame [N, N m].
+    sensor_links : tuple of int
+        Link to which each loaded sensor is attached, for the derivatives.
+    """
+
+    robot: Robot
+    carrier: Carrier
+    placements: Placements
+    X: Array
+    wrench_each: Array
+    sensor_links: tuple[int, ...]
+
+    @property
+    def F(self) -> Array:
+        """Total force, shape (N, 3) [N]."""
+        return self.wrench_each[..., :3].sum(axis=1)
+
+    @property
+    def M(self) -> Array:
+        """Total moment about the root origin, shape (N, 3) [N m]."""
+        return self.wrench_each[..., 3:].sum(axis=1)
+
+    @property
+    def direction(self) -> Array:
+        """Unit vector of the total force (up, at rest), shape (N, 3)."""
+        return self.F / np.linalg.norm(self.F, axis=1, keepdims=True)
+
+
+def balance_at(robot: Robot, carrier: Carrier, q: Array, w: Array) -> Balance:
+    """Bring the loaded wrenches of N poses to the root frame.
+
+    Parameters
+    ----------
+    q : array, shape (N, n_joints)
+    w : array, shape (N, n_sensors, 6)
+        Ground on robot, in and about each sensor's frame.
+    """
+    placements = place_links(robot.tree, q)
+    frames: list[tuple[Array, Array]] = []
+    links: list[int] = []
+    for frame in carrier.frames:
+        if frame is None:
+            frames.append(stance_frame(robot, carrier.support, placements))
+            links.append(robot.tree.link_index[robot.feet[carrier.feet[0]].link])
+        else:
+            frames.append((placements.R[:, frame], placements.p[:, frame]))
+            links.append(frame)
+    X = np.stack([wrench_transform(R, p) for R, p in frames], axis=1)
+    return Balance(robot, carrier, placements, X, np.einsum("nsij,nsj->nsi", X, w), tuple(links))
+
+
+def first_moments(balance: Balance, h: Array) -> Array:
+    """Return the first moment of every carried link about the root origin, (N, n_links, 3) [kg m].
+
+    Parameters
+    ----------
+    h : array, shape (n_links, 3)
+        m_k c_k of every link in its own frame [kg m]; links below the cut contribute nothing.
+    """
+    at = balance.placements
+    s = at.p * at.tree.masses[:, None] + apply(at.R, h)
+    return s * balance.carrier.carried[:, None]
+
+
+def residual(balance: Balance, mass: float, h: Array) -> Array:
+    """Return what is left of the balance, shape (N, 4): force [N], then moment [N m].
+
+    Parameters
+    ----------
+    balance : Balance
+    mass : float
+        Mass of what is carried [kg].
+    h : array, shape (n_links, 3)
+        First moments of the links in their own frames [kg m].
+    """
+    g = balance.robot.gravity
+    S = first_moments(balance, h).sum(axis=1)
+    force = np.linalg.norm(balance.F, axis=1) - mass * g
+    moment = balance.M - g * np.cross(S, balance.direction)
+    return np.concatenate([force[:, None], moment], axis=1)
+
+
+def moment_regressor(balance: Balance, direction: Array) -> Array:
+    """Return d(residual moment)/d(h_k), shape (N, 3, n_links, 3) [m/s^2]; zero below the cut.
+
+    Parameters
+    ----------
+    balance : Balance
+    direction : array, shape (N, 3)
+        Unit vector of the ground reaction in the root frame; that of *balance* or a steadier one.
+    """
+    A = balance.robot.gravity * (skew(direction)[:, None] @ balance.placements.R)
+    A = A * balance.carrier.carried[:, None, None]
+    return np.swapaxes(A, 1, 2)
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """How the independent joints move the tree.
+
+    Parameters
+    ----------
+    joint : array of int, shape (n_moving,)
+        Index in the tree of every joint that moves.
+    drive : array, shape (n_moving, n_joints)
+        Speed of each of them per speed of each independent joint: 1, or a mimic's multiplier.
+    prismatic : array of bool, shape (n_moving,)
+    """
+
+    joint: npt.NDArray[np.intp]
+    drive: Array
+    prismatic: npt.NDArray[np.bool_]
+
+
+def joint_motion(tree: Tree) -> JointMotion:
+    """Return which independent joint moves which joint of *tree*."""
+    column = {name: i for i, name in enumerate(tree.joint_names)}
+    moving = [k for k, joint in enumerate(tree.joints) if joint.is_movable]
+    drive = np.zeros((len(moving), len(column)))
+    for row, k in enumerate(moving):
+        mimic = tree.joints[k].mimic
+        leader = mimic.joint if mimic else tree.joints[k].name
+        drive[row, column[leader]] = mimic.multiplier if mimic else 1.0
+    prismatic = [tree.joints[k].kind is JointType.PRISMATIC for k in moving]
+    return JointMotion(np.array(moving, np.intp), drive, np.array(prismatic, np.bool_))
+
+
+def input_jacobian(balance: Balance, h: Array) -> tuple[Array, Array]:
+    """Return the derivatives of :func:`residual` with respect to everything that was measured.
+
+    Parameters
+    ----------
+    h : array, shape (n_links, 3)
+
+    Returns
+    -------
+    B_w : array, shape (N, 4, n_sensors, 6)
+        With respect to each loaded wrench in its own sensor frame.
+    B_q : array, shape (N, 4, n_joints)
+        With respect to each joint position: it turns what lies beyond the joint, links and
+        sensors alike.
+    """
+    tree, at = balance.robot.tree, balance.placements
+    g, f = balance.robot.gravity, balance.direction
+    size = np.linalg.norm(balance.F, axis=1)
+    s = first_moments(balance, h)
+    S = s.sum(axis=1)
+
+    across = (np.eye(3) - f[:, :, None] * f[:, None, :]) / size[:, None, None]
+    B_FM = np.zeros((len(f), 4, 6))
+    B_FM[:, 0, :3] = f
+    B_FM[:, 1:, :3] = -g * skew(S) @ across
+    B_FM[:, 1:, 3:] = np.eye(3)
+    B_w = np.einsum("nij,nsjk->nisk", B_FM, balance.X)
+
+    motion = joint_motion(tree)
+    beyond = tree.descendants[motion.joint + 1].astype(np.float64)
+    axis, origin = at.axes()[:, motion.joint], at.p[:, motion.joint + 1]
+    m_beyond = beyond @ (tree.masses * balance.carrier.carried)
+    S_beyond = np.einsum("jk,nki->nji", beyond, s)
+    W_beyond = np.einsum("js,nsi->nji", beyond[:, list(balance.sensor_links)], balance.wrench_each)
+    F_beyond, M_beyond = W_beyond[..., :3], W_beyond[..., 3:]
+
+    slides = motion.prismatic[:, None]
+    dF = np.where(slides, 0.0, np.cross(axis, F_beyond))
+    dM_turn = np.cross(axis, M_beyond) - np.cross(np.cross(axis, origin), F_beyond)
+    dM = np.where(slides, np.cross(axis, F_beyond), dM_turn)
+    dS_turn = np.cross(axis, S_beyond - m_beyond[:, None] * origin)
+    dS = np.where(slides, m_beyond[:, None] * axis, dS_turn)
+
+    per_joint = np.einsum("nij,nkj->nik", B_FM[:, :, :3], dF)
+    per_joint[:, 1:] += np.swapaxes(dM - g * np.cross(dS, f[:, None]), 1, 2)
+    return B_w, per_joint @ motion.drive

@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: Apache-2.0
+r"""Least squares over every pose of a session, errors in all variables.
+
+The rows of :mod:`comcal.statics.balance` hold between *true* wrenches and angles. Measured ones
+carry errors of known covariance, and one wrench's noise enters the force row and all moment rows,
+one encoder's noise all moment rows: a Gauss-Helmert adjustment weighs every pose with the full
+covariance :math:`B \Sigma B^T` of its rows and evaluates the regressor at the adjusted inputs.
+Evaluating it at the measured ones would pull weakly seen directions towards zero, because the same
+error then sits in the regressor and in the residual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from comcal.errors import RankError
+from comcal.identify.linearise import Group, Linearised, linearise, structure_of
+from comcal.identify.unknowns import Unknowns
+from comcal.robot.model import Robot
+from comcal.robot.tree import Array
+
+ITERATIONS = 8
+"""Gauss-Helmert steps at most; three or four suffice for noise of a few per mille."""
+CONVERGED = 1e-3
+"""Largest step that ends the iteration, in standard deviations of the unknowns."""
+NOISE_RATIO = 20.0
+"""A direction counts as seen when the information on it exceeds that which the errors of angles and
+force directions alone would feign by this factor."""
+RELATIVE_RANK = 1e-7
+"""Smallest singular value counted, relative to the largest: what rounding alone can make."""
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """Result of the adjustment, restricted to the directions that the poses determine.
+
+    Parameters
+    ----------
+    theta : array, shape (size,)
+        Best estimate; along ``unseen`` it keeps the URDF's value and is *not* measured.
+    seen : array, shape (size, rank)
+        Orthonormal basis, in scaled unknowns, of what the poses determine; best seen first.
+    unseen : array, shape (size, size - rank)
+        Basis of the rest.
+    singular : array, shape (rank,)
+        Square roots of the information on each seen direction (scaled unknowns).
+    cov : array, shape (size, size)
+        Covariance of theta from measurement noise alone.
+    cov_cad : array, shape (size, size)
+        What the URDF's own tolerances add along the unseen directions.
+    sensitivity : tuple of array, one per group, each shape (N, size, n_inputs)
+        d theta / d inputs.
+    residuals : tuple of array, one per group, each shape (N, 4)
+        What is left of force [N] and moment [N m].
+    chi2, dof
+        Weighted sum of squared residuals and its degrees of freedom.
+    """
+
+    unknowns: Unknowns
+    groups: tuple[Group, ...]
+    theta: Array
+    seen: Array
+    unseen: Array
+    singular: Array
+    cov: Array
+    cov_cad: Array
+    sensitivity: tuple[Array, ...]
+    residuals: tuple[Array, ...]
+    chi2: float
+    dof: int
+    iterations: int
+
+    @property
+    def rank(self) -> int:
+        """Number of directions that the poses determine."""
+        return self.seen.shape[1]
+
+    @property
+    def condition(self) -> float:
+        """Ratio of the best to the worst seen singular value (scaled unknowns)."""
+        return float(self.singular[0] / self.singular[-1]) if self.rank else np.inf
+
+    def visibility(self, functional: Array) -> Array:
+        """Return which share of linear functionals of theta lies in the unseen directions.
+
+        Parameters
+        ----------
+        functional : array, shape (..., size)
+            Rows L of ``L theta``.
+
+        Returns
+        -------
+        share : array, shape (...)
+            0: fully measured; 1: not measured at all.
+        """
+        scaled = functional * self.unknowns.scale
+        hidden = np.linalg.norm(scaled @ self.unseen, axis=-1)
+        whole = np.linalg.norm(scaled, axis=-1)
+        return np.divide(hidden, whole, out=np.zeros_like(hidden), where=whole > 0)
+
+
+def adjust(robot: Robot, unknowns: Unknowns, groups: Sequence[Group]) -> Adjustment:
+    """Adjust every pose at once.
+
+    Raises
+    ------
+    RankError
+        If there is no pose at all in which a sensor is loaded.
+    """
+    groups = tuple(groups)
+    if not groups:
+        raise RankError(
+            "no pose in which a foot with a sensor stands",
+            next_step="record poses with support 'double' or one foot",
+        )
+    theta, scale = unknowns.cad, unknowns.scale
+    inputs = [group.inputs for group in groups]
+    basis: tuple[Array, Array] | None = None
+    iterations = 0
+    while True:
+        iterations += 1
+        linear = [
+            linearise(robot, unknowns, group, theta, x)
+            for group, x in zip(groups, inputs, strict=True)
+        ]
+        # What the poses can show does not depend on what they show: decided once.
+        basis = basis or _seen_directions(linear, unknowns, groups)
+        seen, singular = _by_singular_value(basis[0], linear, scale)
+        unseen = basis[1]
+        right = -sum(np.einsum("nji,njk,nk->i", a.A, a.W, a.misclosure) for a in linear)
+        to_theta = (scale[:, None] * seen / singular**2) @ (seen.T * scale)
+        step = to_theta @ right
+        theta = theta + step
+        left = [a.misclosure + a.A @ step for a in linear]
+        inputs = [
+            group.inputs - np.einsum("nij,nkj,nkl,nl->ni", group.cov, a.B, a.W, r, optimize=True)
+            for group, a, r in zip(groups, linear, left, strict=True)
+        ]
+        in_sigmas = singular * (seen.T @ (step / scale))
+        if iterations >= ITERATIONS or bool(np.all(np.abs(in_sigmas) < CONVERGED)):
+            break
+    hidden = scale[:, None] * unseen
+    cad = (unseen.T * (unknowns.cad_sigma / scale) ** 2) @ unseen
+    return Adjustment(
+        unknowns=unknowns,
+        groups=groups,
+        theta=theta,
+        seen=seen,
+        unseen=unseen,
+        singular=singular,
+        cov=to_theta,
+        cov_cad=hidden @ cad @ hidden.T,
+        sensitivity=tuple(-to_theta @ (np.swapaxes(a.A, 1, 2) @ a.W @ a.B) for a in linear),
+        residuals=tuple(left),
+        chi2=sum(
+            float(np.einsum("ni,nij,nj->", r, a.W, r)) for r, a in zip(left, linear, strict=True)
+        ),
+        dof=sum(4 * len(group.rows) for group in groups) - seen.shape[1],
+        iterations=iterations,
+    )
+
+
+def _seen_directions(
+    linear: Sequence[Linearised], unknowns: Unknowns, groups: Sequence[Group]
+) -> tuple[Array, Array]:
+    """Split the scaled unknowns into seen and unseen directions."""
+    scales = np.outer(unknowns.scale, unknowns.scale)
+    structure, feigned = np.zeros_like(scales), np.zeros_like(scales)
+    for a, group in zip(linear, groups, strict=True):
+        information, by_noise = structure_of(a, unknowns, group)
+        structure += scales * information
+        feigned += scales * by_noise
+    value, vector = np.linalg.eigh(structure)
+    noise = np.einsum("ik,ij,jk->k", vector, feigned, vector)
+    is_seen = (value > NOISE_RATIO * noise) & (value > RELATIVE_RANK**2 * value[-1])
+    return vector[:, is_seen], vector[:, ~is_seen]
+
+
+def _by_singular_value(
+    seen: Array, linear: Sequence[Linearised], scale: Array
+) -> tuple[Array, Array]:
+    """Turn the basis of seen directions so that each has its own singular value, best first."""
+    information = sum(np.einsum("nji,njk,nkl->il", a.A, a.W, a.A, optimize=True) for a in linear)
+    scaled = seen * scale[:, None]
+    value, turn = np.linalg.eigh(scaled.T @ information @ scaled)
+    return seen @ turn[:, ::-1], np.sqrt(value[::-1])

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Both routes over one pose table, and the verdict on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from comcal.errors import RankError
+from comcal.identify.difference import RouteDifference, route_difference
+from comcal.identify.paper_route import PaperRoute, paper_route
+from comcal.identify.solution import Solution, solve_all
+from comcal.measure.plan import NONE
+from comcal.measure.table import PoseTable
+from comcal.robot.model import Limits, Robot
+from comcal.statics.coefficients import BalanceCoefficients, balance_coefficients
+
+SAME_SHAPE = np.deg2rad(1.0)
+"""Joints that move by less from pose to pose leave the shape as it is [rad]."""
+
+MISFIT = 1e-4
+"""Probability of the misfit below which the model does not explain the data."""
+
+
+class Method(Enum):
+    """Which routes to take."""
+
+    BOTH = "both"
+    CRAMER = "cramer"
+    LSTSQ = "lstsq"
+
+
+class Verdict(Enum):
+    """The last word of a calibration."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    NO_LIMITS = "no_limits"
+    NOT_IDENTIFIABLE = "not_identifiable"
+
+
+@dataclass(frozen=True)
+class Check:
+    """One limit and what was measured against it; SI."""
+
+    name: str
+    measured: float
+    limit: float
+    unit: str
+
+    @property
+    def passed(self) -> bool:
+        """Whether the limit is met; NaN never meets one."""
+        return bool(self.measured <= self.limit)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What a session says about a robot.
+
+    Parameters
+    ----------
+    coefficients : BalanceCoefficients or None
+        None when no pose has a wrench (given CoMs only).
+    solution : Solution or None
+        The all-data route; None where it was not asked for or has no data.
+    paper : PaperRoute or None
+        The paper's route; None where it was not asked for.
+    difference : RouteDifference or None
+    reason : str
+        Why the verdict is ``not_identifiable``, and the pose that would change it.
+    """
+
+    robot: Robot
+    table: PoseTable
+    coefficients: BalanceCoefficients | None
+    solution: Solution | None
+    paper: PaperRoute | None
+    difference: RouteDifference | None
+    checks: tuple[Check, ...]
+    verdict: Verdict
+    reason: str = ""
+
+
+def calibrate(robot: Robot, table: PoseTable, method: Method = Method.BOTH) -> Calibration:
+    """Take both routes (or one) and judge the result by the robot's limits.
+
+    Raises
+    ------
+    RankError
+        If Cramer's rule was asked for and does not apply, or no pose loads a sensor.
+    MissingColumnError
+        If a loaded sensor has no wrench.
+    """
+    measured = has_wrenches(robot, table)
+    paper = paper_route(robot, table) if method is not Method.LSTSQ else None
+    if paper is not None and method is Method.CRAMER and not paper.choices:
+        raise RankError(
+            f"Cramer's rule does not apply: {paper.reason}",
+            where=str(table.source or "pose table"),
+            next_step="add the poses named, or use --method lstsq",
+        )
+    solution = None
+    if method is not Method.CRAMER and measured:
+        solution = solve_all(robot, table)
+    elif method is Method.LSTSQ:
+        raise RankError(
+            "the all-data route needs foot wrenches; this session has only given CoMs",
+            next_step="use --method cramer",
+        )
+    difference = route_difference(solution.adjustment, paper, table) if solution and paper else None
+    reason = _not_identifiable(robot, table, solution, paper)
+    checks = _checks(robot.limits, robot, solution)
+    if reason:
+        verdict = Verdict.NOT_IDENTIFIABLE
+    elif not checks:
+        verdict = Verdict.NO_LIMITS
+    else:
+        verdict = Verdict.PASSED if all(c.passed for c in checks) else Verdict.FAILED
+    return Calibration(
+        robot=robot,
+        table=table,
+        coefficients=balance_coefficients(robot, table) if measured else None,
+        solution=solution,
+        paper=paper,
+        difference=difference,
+        checks=checks,
+        verdict=verdict,
+        reason=reason,
+    )
+
+
+def has_wrenches(robot: Robot, table: PoseTable) -> bool:
+    """Return whether any standing pose has a measured wrench."""
+    names = [n for n in (*robot.sensors, *robot.plates) if n in table.wrench]
+    stands = np.array([s != NONE for s in table.support])
+    return any(bool(np.isfinite(table.wrench[n][stands]).any()) for n in names)
+
+
+def _checks(limits: Limits, robot: Robot, solution: Solution | None) -> tuple[Check, ...]:
+    if solution is None:
+        return ()
+    checks: list[Check] = []
+    if limits.com_error is not None:
+        upper = solution.held_out.com_upper
+        checks.append(Check("held-out CoM error, upper 95 %", upper, limits.com_error, "m"))
+    if limits.mass_error is not None:
+        error = abs(solution.mass - robot.tree.total_mass)
+        checks.append(Check("mass against the URDF", error, limits.mass_error, "kg"))
+    return tuple(checks)
+
+
+def _not_identifiable(
+    robot: Robot, table: PoseTable, solution: Solution | None, paper: PaperRoute | None
+) -> str:
+    """Return why nothing about single links is determined, or an empty string."""
+    if paper is not None and len(paper.choices) > 0:
+        return ""
+    if solution is None:
+        return paper.reason if paper is not None else "no route was taken"
+    if is_one_shape(robot, table):
+        remedies = sorted({u.remedy for u in solution.unseen if "by itself" in u.remedy})
+        return "all poses are one shape, so no link can be told from another; " + (
+            remedies[0] if remedies else "bend one joint at a time by 30 deg or more"
+        )
+    if solution.adjustment.dof <= 0:
+        return (
+            f"{len(solution.poses)} pose(s) leave no redundancy; record more shapes: bend one "
+            "joint at a time by 30 deg or more"
+        )
+    return ""
+
+
+def is_one_shape(robot: Robot, table: PoseTable) -> bool:
+    """Return whether nothing but the ankles moved from pose to pose (one degree counts)."""
+    stands = [i for i, support in enumerate(table.support) if support != NONE]
+    ankles = {foot.ankle for foot in robot.feet.values()}
+    others = [k for k, name in enumerate(robot.tree.joint_names) if name not in ankles]
+    if not others or not stands:
+        return True
+    return bool(np.ptp(table.q[np.ix_(stands, others)], axis=0).max() < SAME_SHAPE)

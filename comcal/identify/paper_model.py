@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The paper's route as one batched function of everything that was measured or taken from CAD."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from comcal.measure.table import PoseTable
+from comcal.robot.model import Robot
+from comcal.robot.tree import Array
+from comcal.statics.coefficients import coefficients_from_wrench, total_wrench
+from comcal.statics.configurations import (
+    Configuration,
+    ankle_point,
+    placed_in_stance,
+    tilts_from_angles,
+)
+from comcal.statics.cramer import Choice, solve_choices
+from comcal.statics.planar import ComplexArray, PlanarChain, placed_configurations
+from comcal.statics.support import loaded_wrenches
+from comcal.statics.two_pose import FootSide, total_com
+
+WRENCH_STEP = 1e-3
+"""Central-difference step for forces [N] and moments [N m]."""
+SMALL_STEP = 1e-5
+"""The same for joint positions [rad] or [m], CoMs [m] and CAD values [kg, m]."""
+
+CAD_NAMES = ("m_u", "r_u", "l_u", "U")
+"""What the two-pose formula takes from CAD, in this order."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One configuration with its measured inputs.
+
+    Parameters
+    ----------
+    given : bool
+        True: the inputs of its single row are the CoM in P, then the angles.
+        False: those of each row are the loaded wrenches, then the angles.
+    inputs : tuple of array
+        One per row of the configuration.
+    covs : tuple of array
+        Their covariances.
+    """
+
+    configuration: Configuration
+    given: bool
+    inputs: tuple[Array, ...]
+    covs: tuple[Array, ...]
+
+    @property
+    def width(self) -> int:
+        """Number of inputs over all rows."""
+        return sum(len(x) for x in self.inputs)
+
+
+def shape_from_wrenches(configuration: Configuration, table: PoseTable) -> Shape:
+    """Return the inputs of a configuration measured by force/torque sensors."""
+    part = table.select(configuration.rows)
+    w, w_cov = loaded_wrenches(configuration.carrier, part)
+    inputs = [np.concatenate([wi.ravel(), qi]) for wi, qi in zip(w, part.q, strict=True)]
+    covs = [_block_diagonal([*c, np.diag(v)]) for c, v in zip(w_cov, part.q_cov, strict=True)]
+    return Shape(configuration, False, tuple(inputs), tuple(covs))
+
+
+def shape_from_com(configuration: Configuration, table: PoseTable) -> Shape:
+    """Return the inputs of a configuration whose total CoM is known by other means."""
+    row = configuration.rows[0]
+    inputs = np.concatenate([np.nan_to_num(table.com[row]), table.q[row]])
+    variance = np.concatenate([np.nan_to_num(table.com_var[row]), table.q_cov[row]])
+    return Shape(configuration, True, (inputs,), (np.diag(variance),))
+
+
+@dataclass(frozen=True)
+class Model:
+    """Total CoM of every shape and CoM of every segment, for any inputs of the given layout.
+
+    The outputs are, in this order: carried CoM of each shape (3), r and l of every segment for
+    each choice, misfit (x, z) of each choice's checking configuration. All in P [m].
+    """
+
+    robot: Robot
+    shapes: tuple[Shape, ...]
+    chain: PlanarChain | None = None
+    choices: tuple[Choice, ...] = ()
+
+    @property
+    def inputs(self) -> Array:
+        """Measured inputs, shape (n_inputs,)."""
+        return np.concatenate([x for shape in self.shapes for x in shape.inputs])
+
+    @property
+    def cov(self) -> Array:
+        """Their covariance, shape (n_inputs, n_inputs)."""
+        return _block_diagonal([c for shape in self.shapes for c in shape.covs])
+
+    @property
+    def cad_sigma(self) -> Array:
+        """Sigma of the CAD values of ``CAD_NAMES``, from the robot's tolerances, shape (4,)."""
+        tree, tolerances = self.robot.tree, self.robot.tolerances
+        feet = self.shapes[0].configuration
+        masses = tree.masses[feet.foot_side & feet.carrier.carried]
+        total = float(masses.sum())
+        share = float(np.linalg.norm(masses)) / total if total > 0 else 0.0
+        com = tolerances.link_com * share
+        return np.array([tolerances.link_mass * share * total, com, com, tolerances.link_length])
+
+    def evaluate(self, inputs: Array, cad: Array) -> Array:
+        """Return the outputs for a batch of inputs, shape (B, n_outputs).
+
+        Parameters
+        ----------
+        inputs : array, shape (B, n_inputs)
+        cad : array, shape (B, 4)
+            Deviations of the CAD values from the URDF [kg, m, m, m].
+        """
+        at = 0
+        coms: list[Array] = []
+        masses: list[Array] = []
+        postures: list[Array] = []
+        shifts: list[ComplexArray] = []
+        for shape in self.shapes:
+            part = inputs[:, at : at + shape.width]
+            at += shape.width
+            com, mass, posture, shift = self._shape(shape, part, cad)
+            coms.append(com)
+            masses.append(mass)
+            postures.append(posture)
+            shifts.append(shift)
+        outputs = [np.concatenate(coms, axis=1)]
+        if self.chain is not None:
+            configurations = [shape.configuration for shape in self.shapes]
+            q = np.stack(postures, axis=1)
+            placed = placed_configurations(self.robot, configurations, q)
+            m, c = np.stack(masses, axis=1), np.stack(coms, axis=1)
+            moment = m * (c[..., 2] + 1j * c[..., 0]) - np.stack(shifts, axis=1)
+            w, misfit = solve_choices(self.chain, self.choices, placed, moment, m)
+            outputs.append(np.stack([w.imag, w.real], axis=-1).reshape(len(inputs), -1))
+            outputs.append(np.stack([misfit.imag, misfit.real], axis=-1).reshape(len(inputs), -1))
+        return np.concatenate(outputs, axis=1)
+
+    def differentiate(self) -> tuple[Array, Array, Array]:
+        """Return the outputs, their derivatives by inputs, and by CAD values."""
+        x, n = self.inputs, len(self.inputs)
+        steps = np.concatenate([self._steps(), np.full(len(CAD_NAMES), SMALL_STEP)])
+        moves = np.vstack([np.diag(steps), -np.diag(steps), np.zeros((1, len(steps)))])
+        y = self.evaluate(x + moves[:, :n], moves[:, n:])
+        k = len(steps)
+        J = ((y[:k] - y[k : 2 * k]) / (2 * steps[:, None])).T
+        return y[-1], J[:, :n], J[:, n:]
+
+    def _steps(self) -> Array:
+        n_joints = len(self.robot.tree.joint_names)
+        steps: list[Array] = []
+        for shape in self.shapes:
+            for x in shape.inputs:
+                step = np.full(len(x), SMALL_STEP)
+                if not shape.given:
+                    step[: len(x) - n_joints] = WRENCH_STEP
+                steps.append(step)
+        return np.concatenate(steps)
+
+    def _shape(
+        self, shape: Shape, inputs: Array, cad: Array
+    ) -> tuple[Array, Array, Array, ComplexArray]:
+        """Return CoM (B, 3), mass (B,), posture (B, n_joints), first-moment deviation (B,)."""
+        tree, carrier = self.robot.tree, shape.configuration.carrier
+        n_joints, batch = len(tree.joint_names), len(inputs)
+        if shape.given:
+            mass = np.full(batch, tree.total_mass)
+            return inputs[:, :3], mass, inputs[:, 3:], np.zeros(batch, np.complex128)
+        rows = inputs.reshape(batch, len(shape.inputs), -1)
+        w = rows[..., :-n_joints].reshape(batch * rows.shape[1], -1, 6)
+        q = rows[..., -n_joints:]
+        w_P = total_wrench(self.robot, carrier, q.reshape(-1, n_joints), w)
+        w_P = w_P.reshape(batch, -1, 6)
+        mass = np.mean(np.linalg.norm(w_P[..., :3], axis=-1), axis=1) / self.robot.gravity
+        foot = foot_side_values(self.robot, shape.configuration, q[:, 0], cad)
+        tilts = tilts_from_angles(self.robot, shape.configuration, q)
+        com = total_com(coefficients_from_wrench(w_P), mass, tilts, foot)
+        nominal = foot_side_values(self.robot, shape.configuration, q[:, 0], np.zeros((1, 4)))
+        shift = foot.mass * (foot.l + 1j * foot.r) - nominal.mass * (nominal.l + 1j * nominal.r)
+        return com, mass, q[:, 0], shift
+
+
+def foot_side_values(robot: Robot, configuration: Configuration, q: Array, cad: Array) -> FootSide:
+    """Return m_u, r_u, l_u, A and U of a batch of postures, deviations of CAD added.
+
+    Parameters
+    ----------
+    q : array, shape (B, n_joints)
+    cad : array, shape (B or 1, 4)
+    """
+    at = placed_in_stance(robot, configuration.carrier, q)
+    masses = robot.tree.masses * (configuration.foot_side & configuration.carrier.carried)
+    m_u = float(masses.sum())
+    moment = np.einsum("k,nki->ni", masses, at.coms)
+    com = moment / m_u if m_u > 0 else np.zeros_like(moment)
+    ankle = ankle_point(robot, configuration.carrier, at)
+    return FootSide(
+        mass=m_u + cad[:, 0],
+        r=com[:, 0] + cad[:, 1],
+        l=com[:, 2] + cad[:, 2],
+        ankle_x=ankle[:, 0],
+        ankle_z=ankle[:, 2] + cad[:, 3],
+    )
+
+
+def _block_diagonal(blocks: Sequence[Array]) -> Array:
+    size = sum(len(b) for b in blocks)
+    out = np.zeros((size, size))
+    at = 0
+    for block in blocks:
+        out[at : at + len(block), at : at + len(block)] = block
+        at += len(block)
+    return out

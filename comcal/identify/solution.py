@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The all-data route: mass, link CoMs, total CoMs, each with what is and is not determined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import chdtrc
+
+from comcal.identify.adjust import Adjustment, adjust
+from comcal.identify.held_out import HeldOut, held_out_error
+from comcal.identify.linearise import groups_of
+from comcal.identify.unknowns import Unknowns, unknowns_of
+from comcal.identify.words import Combination, Unseen, combinations_of, unseen_directions
+from comcal.measure.plan import NONE
+from comcal.measure.table import PoseTable
+from comcal.robot.frames import apply
+from comcal.robot.model import Robot
+from comcal.robot.tree import Array
+from comcal.statics.configurations import placed_in_stance
+from comcal.statics.support import Carrier, carrier_of
+
+SEEN_SHARE = 0.03
+"""A component counts as measured when less than this share of it lies in unseen directions: at
+CAD tolerances of 1 mm the unseen part is then below 0.03 mm."""
+
+
+@dataclass(frozen=True)
+class LinkCom:
+    """CoM of one link in its URDF frame.
+
+    Parameters
+    ----------
+    mass : float
+        From the URDF [kg].
+    com : array, shape (3,)
+        [m]; NaN where it is not determined by itself.
+    cov : array, shape (3, 3)
+        [m^2]; NaN in rows and columns of components that are not determined.
+    identifiable : array of bool, shape (3,)
+    source : tuple of str or None, length 3
+        ``measured``; ``prior`` (URDF: links below a cut, negligible links); ``combination`` (only
+        a sum with other links is determined); None (not seen at all).
+    """
+
+    link: str
+    mass: float
+    com: Array
+    cov: Array
+    identifiable: npt.NDArray[np.bool_]
+    source: tuple[str | None, str | None, str | None]
+
+
+@dataclass(frozen=True)
+class PoseCom:
+    """Total CoM in one pose, in P.
+
+    Parameters
+    ----------
+    xyz, carried_xyz : array, shape (3,)
+        Of the whole robot and of what the sensors carry [m].
+    cov, cov_cad : array, shape (3, 3)
+        From measurement noise (the encoder errors of this pose included, their correlation with
+        the fit neglected), and from CAD along directions that the poses do not determine.
+    """
+
+    row: int
+    pose: int
+    xyz: Array
+    carried_xyz: Array
+    cov: Array
+    cov_cad: Array
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Everything that the all-data route determines.
+
+    Parameters
+    ----------
+    mass, mass_sigma : float
+        Of the whole robot [kg].
+    misfit_p : float
+        Probability of a misfit at least as large if model and noise are right.
+    """
+
+    adjustment: Adjustment
+    mass: float
+    mass_sigma: float
+    links: tuple[LinkCom, ...]
+    poses: tuple[PoseCom, ...]
+    combinations: tuple[Combination, ...]
+    unseen: tuple[Unseen, ...]
+    held_out: HeldOut
+    misfit_p: float
+
+
+def solve_all(robot: Robot, table: PoseTable) -> Solution:
+    """Fit every standing pose at once.
+
+    Raises
+    ------
+    RankError
+        If no pose loads a sensor.
+    MissingColumnError
+        If a loaded sensor has no wrench.
+    """
+    groups = groups_of(robot, table)
+    unknowns = unknowns_of(robot)
+    fit = adjust(robot, unknowns, groups)
+    below = _below_cuts(robot)
+    return Solution(
+        adjustment=fit,
+        mass=float(fit.theta[0]),
+        mass_sigma=float(np.hypot(np.sqrt(fit.cov[0, 0]), below)),
+        links=tuple(_link(fit, k) for k in range(len(robot.tree.links))),
+        poses=tuple(
+            _pose(fit, table, i) for i, support in enumerate(table.support) if support != NONE
+        ),
+        combinations=combinations_of(fit),
+        unseen=unseen_directions(fit),
+        held_out=held_out_error(robot, unknowns, groups, fit.rank),
+        misfit_p=float(chdtrc(fit.dof, fit.chi2)) if fit.dof > 0 else float("nan"),
+    )
+
+
+def total_com_functional(
+    unknowns: Unknowns, carrier: Carrier, q: Array, *, whole: bool
+) -> tuple[Array, Array]:
+    """Return the first moment of a posture as an affine function of theta, in P.
+
+    Parameters
+    ----------
+    q : array, shape (N, n_joints)
+    whole : bool
+        Count the whole robot instead of what the sensors carry.
+
+    Returns
+    -------
+    L : array, shape (N, 3, size)
+    known : array, shape (N, 3)
+        First moment = L theta + known [kg m].
+    """
+    robot = unknowns.robot
+    at = placed_in_stance(robot, carrier, q)
+    counted = np.ones_like(carrier.carried) if whole else carrier.carried
+    masses = robot.tree.masses * counted
+    free = np.zeros(len(masses), dtype=np.bool_)
+    free[list(unknowns.links)] = True
+    known = np.einsum("k,nki->ni", masses, at.p)
+    known += np.einsum("nkij,kj->ni", at.R, (masses * ~free)[:, None] * robot.tree.coms)
+    L = np.zeros((len(q), 3, unknowns.size))
+    for k in unknowns.links:
+        column = unknowns.column(k)
+        if counted[k] and column is not None:
+            L[:, :, column : column + 3] = at.R[:, k]
+    return L, known
+
+
+def total_com_at(fit: Adjustment, support: str, q: Array) -> tuple[Array, Array, Array]:
+    """Return the whole robot's CoM at exactly known angles, in P.
+
+    Parameters
+    ----------
+    q : array, shape (N, n_joints)
+
+    Returns
+    -------
+    xyz : array, shape (N, 3)
+        [m]
+    cov, cov_cad : array, shape (N, 3, 3)
+        From measurement noise, and from CAD along directions that the poses do not determine.
+    """
+    unknowns = fit.unknowns
+    robot = unknowns.robot
+    carrier = carrier_of(robot, support)
+    L, known = total_com_functional(unknowns, carrier, q, whole=True)
+    mass = float(fit.theta[0])
+    xyz = (L @ fit.theta + known) / mass
+    J = L / mass
+    J[:, :, 0] = -xyz / mass
+    Jt = np.swapaxes(J, 1, 2)
+    return xyz, J @ fit.cov @ Jt, J @ fit.cov_cad @ Jt
+
+
+def _below_cuts(robot: Robot) -> float:
+    """Return the sigma of the mass below the cuts of the standing feet, from CAD [kg]."""
+    masks = [robot.below_cut[f.sensor] for f in robot.feet.values() if f.sensor is not None]
+    if not masks:
+        return 0.0
+    masses = robot.tree.masses[np.any(masks, axis=0)]
+    return robot.tolerances.link_mass * float(np.linalg.norm(masses))
+
+
+def _link(fit: Adjustment, k: int) -> LinkCom:
+    unknowns = fit.unknowns
+    robot = unknowns.robot
+    link = robot.tree.links[k]
+    column = unknowns.column(k)
+    if column is None:
+        sigma = robot.tolerances.link_com
+        source = "prior" if link.has_inertial else None
+        return LinkCom(
+            link=link.name,
+            mass=link.mass,
+            com=link.com,
+            cov=np.eye(3) * sigma**2,
+            identifiable=np.zeros(3, np.bool_),
+            source=(source, source, source),
+        )
+    at = slice(column, column + 3)
+    hidden = fit.visibility(np.eye(unknowns.size)[at])
+    seen = hidden < SEEN_SHARE
+    both = np.outer(seen, seen)
+    names: list[str | None] = []
+    for is_seen, share in zip(seen, hidden, strict=True):
+        names.append(
+            "measured" if is_seen else "combination" if share < 1 - SEEN_SHARE**2 else None
+        )
+    return LinkCom(
+        link=link.name,
+        mass=link.mass,
+        com=np.where(seen, fit.theta[at] / link.mass, np.nan),
+        cov=np.where(both, (fit.cov + fit.cov_cad)[at, at] / link.mass**2, np.nan),
+        identifiable=seen,
+        source=(names[0], names[1], names[2]),
+    )
+
+
+def _pose(fit: Adjustment, table: PoseTable, i: int) -> PoseCom:
+    unknowns = fit.unknowns
+    robot = unknowns.robot
+    q, support = table.q[i][None], table.support[i]
+    carrier = carrier_of(robot, support)
+    xyz, cov, cov_cad = total_com_at(fit, support, q)
+    L, known = total_com_functional(unknowns, carrier, q, whole=False)
+    below = float(robot.tree.masses[~carrier.carried].sum())
+    carried = (L @ fit.theta + known) / (float(fit.theta[0]) - below)
+    step = 1e-6
+    moves = np.vstack([np.eye(q.shape[1]), -np.eye(q.shape[1])]) * step
+    moved, _, _ = total_com_at(fit, support, q + moves)
+    J = (moved[: q.shape[1]] - moved[q.shape[1] :]).T / (2 * step)
+    encoder = (J * table.q_cov[i]) @ J.T
+    return PoseCom(i, table.pose[i], xyz[0], carried[0], cov[0] + encoder, cov_cad[0])
+
+
+def link_moment(fit: Adjustment, k: int) -> Array:
+    """Return h of link *k* in its own frame, measured or from the URDF, shape (3,) [kg m]."""
+    return fit.unknowns.moments(fit.theta)[k]
+
+
+def rotated_moment_functional(
+    unknowns: Unknowns, links: tuple[int, ...], R: Array
+) -> tuple[Array, Array]:
+    """Return sum over *links* of R_k h_k as an affine function of theta.
+
+    Parameters
+    ----------
+    R : array, shape (n_links, 3, 3)
+
+    Returns
+    -------
+    L : array, shape (3, size)
+    known : array, shape (3,)
+        What links that are not free contribute [kg m].
+    """
+    L, known = np.zeros((3, unknowns.size)), np.zeros(3)
+    tree = unknowns.robot.tree
+    for k in links:
+        column = unknowns.column(k)
+        if column is None:
+            known += apply(R[k], tree.masses[k] * tree.coms[k])
+        else:
+            L[:, column : column + 3] = R[k]
+    return L, known

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``comcal solve``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from comcal.identify.calibration import Calibration
+
+EXIT_UNUSABLE, EXIT_LIMIT = 3, 5
+
+
+@click.command("solve")
+@click.argument("session", metavar="DIR", type=click.Path(path_type=Path))
+@click.option(
+    "--method",
+    type=click.Choice(["both", "cramer", "lstsq"]),
+    default="both",
+    show_default=True,
+    help="The paper's route (twins, Cramer's rule), all data at once, or both side by side.",
+)
+@click.option(
+    "--as-published",
+    is_flag=True,
+    help="Show beside it what the formulas of Muscolo 2017 give as printed, fault by fault.",
+)
+@click.option("--masses", is_flag=True, help="Try to refit the link masses too, and judge that.")
+@click.option(
+    "--drop", multiple=True, type=int, metavar="POSE", help="Leave a pose out. Repeatable."
+)
+@click.option(
+    "--held-out",
+    metavar="POSES",
+    default="",
+    help="Chains without URDF: poses to predict instead of fitting them, as 4,7,8.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print result.json, and nothing else.")
+def solve_command(
+    session: Path,
+    method: str,
+    as_published: bool,
+    masses: bool,
+    drop: tuple[int, ...],
+    held_out: str,
+    as_json: bool,
+) -> int:
+    """Solve the session in DIR: coefficients, total CoM, CoM of each link, intervals, verdict.
+
+    Writes results/NNN/result.json and used.csv; nothing is overwritten. Exit code 0: passed, or no
+    limits are set; 3: the poses do not determine any link; 5: a limit is not met.
+
+    \b
+    Example:
+      comcal solve sessions/monday
+    """
+    from comcal.identify.calibration import Method, Verdict
+    from comcal.report.console import make_console
+    from comcal.workflow.calibrate import is_chain, solve_session
+
+    if is_chain(session):
+        from comcal.cli.solve_chain import solve_chain
+
+        return solve_chain(session, drop, held_out, as_json)
+    if held_out:
+        raise click.UsageError(
+            "--held-out is for chains without URDF; solve cross-validates others"
+        )
+    solved = solve_session(session, Method(method), drop)
+    calibration = solved.calibration
+    if as_json:
+        click.echo(json.dumps(json.loads(solved.files[0].read_text("utf-8")), indent=1))
+    else:
+        from comcal.report.calibration import print_calibration
+
+        console = make_console()
+        if as_published:
+            _print_published(calibration)
+        if masses:
+            _print_masses(calibration)
+        print_calibration(console, calibration)
+        for path in solved.files:
+            console.print(f"wrote {path}")
+    exits = {Verdict.NOT_IDENTIFIABLE: EXIT_UNUSABLE, Verdict.FAILED: EXIT_LIMIT}
+    return exits.get(calibration.verdict, 0)
+
+
+def _print_published(calibration: Calibration) -> None:
+    from comcal.report.published import nominal_row, published_heading, published_row
+    from comcal.workflow.published import NotComparable, published_comparison
+
+    found = published_comparison(calibration.robot, calibration.table)
+    if isinstance(found, NotComparable):
+        click.echo(f"as published: the session does not hold the paper's poses: {found.reason}")
+        return
+    for line in published_heading(found.poses, found.rank):
+        click.echo(line)
+    click.echo(nominal_row(found.nominal))
+    for variant in found.variants:
+        click.echo(published_row(variant.faults, variant.factor, variant.result, variant.reason))
+    for note in found.notes:
+        click.echo(f"note: {note}")
+    click.echo()
+
+
+def _print_masses(calibration: Calibration) -> None:
+    from comcal.identify.mass_refit import refit_masses
+    from comcal.report.masses import masses_lines
+
+    for line in masses_lines(refit_masses(calibration.robot, calibration.table)):
+        click.echo(line)

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The text report of a calibration: what a person reads after ``comcal solve``."""
+
+from __future__ import annotations
+
+import numpy as np
+from rich.console import Console
+
+from comcal.identify.calibration import MISFIT, Calibration, Check, Verdict
+from comcal.identify.paper_route import PaperRoute
+from comcal.identify.solution import LinkCom, Solution
+from comcal.report.console import print_table
+
+MM = 1e3
+_UNIT = {"m": (1e3, "mm"), "kg": (1.0, "kg")}
+
+
+def print_calibration(console: Console, calibration: Calibration, *, full: bool = True) -> None:
+    """Print everything a calibration says, ending in its verdict.
+
+    Parameters
+    ----------
+    console : Console
+    calibration : Calibration
+    full : bool
+        False leaves out the coefficients of single poses and the unseen directions.
+    """
+    for note in calibration.table.notes:
+        console.print(f"note: {note}")
+    if full:
+        _coefficients(console, calibration)
+    if calibration.paper is not None:
+        _paper(console, calibration.paper, full=full)
+    if calibration.solution is not None:
+        _solution(console, calibration.solution, full=full)
+    _difference(console, calibration)
+    _mass(console, calibration)
+    console.print()
+    print_verdict(console, calibration)
+
+
+def print_verdict(console: Console, calibration: Calibration) -> None:
+    """Print the one verdict, each limit beside what was measured."""
+    words = {
+        Verdict.PASSED: "PASSED",
+        Verdict.FAILED: "FAILED",
+        Verdict.NO_LIMITS: "NO LIMITS SET (robot.yaml: limits)",
+        Verdict.NOT_IDENTIFIABLE: f"NOT IDENTIFIABLE: {calibration.reason}",
+    }
+    console.print(f"Verdict: {words[calibration.verdict]}", style="bold")
+    for check in calibration.checks:
+        console.print(f"  {_check(check)}")
+
+
+def _check(check: Check) -> str:
+    factor, unit = _UNIT[check.unit]
+    sign = "<=" if check.passed else ">"
+    measured, limit = check.measured * factor, check.limit * factor
+    return f"{check.name}: {measured:.3g} {unit} {sign} {limit:.3g} {unit}"
+
+
+def _heading(console: Console, text: str) -> None:
+    console.print()
+    console.print(text, style="bold")
+
+
+def _coefficients(console: Console, calibration: Calibration) -> None:
+    coefficients = calibration.coefficients
+    if coefficients is None:
+        return
+    _heading(
+        console, "Line of gravity in P: X = alpha + beta Z, Y = gamma + delta Z (carried mass)"
+    )
+    rows = [
+        (
+            str(calibration.table.pose[row]),
+            calibration.table.configuration[row] or "-",
+            _pm(v[0], s[0], MM),
+            f"{v[1]:+.4f}",
+            _pm(v[2], s[2], MM),
+            f"{v[3]:+.4f}",
+            _pm(m, ms),
+        )
+        for row, v, s, m, ms in zip(
+            coefficients.rows,
+            coefficients.values,
+            coefficients.sigma,
+            coefficients.mass,
+            coefficients.mass_sigma,
+            strict=True,
+        )
+    ]
+    print_table(
+        console, rows, ("pose", "shape", "alpha mm", "beta", "gamma mm", "delta", "carried kg")
+    )
+
+
+def _paper(console: Console, paper: PaperRoute, *, full: bool) -> None:
+    _heading(
+        console, "The paper's route: total CoM of each shape, whole robot in P, reference pose"
+    )
+    for error in paper.refused:
+        console.print(f"refused: {error}")
+    if paper.totals:
+        rows = []
+        for t in paper.totals:
+            sd, cad = np.sqrt(np.diag(t.cov)), np.sqrt(np.diag(t.cov_cad))
+            tilt = "-" if np.isnan(t.tilt) else f"{np.rad2deg(t.tilt):.1f}"
+            rows.append(
+                (
+                    t.configuration.name,
+                    t.by,
+                    tilt,
+                    *(_pm(x, s, MM) for x, s in zip(t.xyz, sd, strict=True)),
+                    f"{cad[0] * MM:.2f}, {cad[2] * MM:.2f}",
+                )
+            )
+        print_table(
+            console, rows, ("shape", "by", "tilt deg", "x mm", "y mm", "z mm", "CAD adds x, z mm")
+        )
+    if paper.chain is None:
+        console.print(f"Cramer's rule does not apply: {paper.reason}")
+        return
+    names = [t.configuration.name for t in paper.totals]
+    _heading(
+        console,
+        "Cramer's rule: CoM of each segment from its joint nearer the feet, l up, r to the toes",
+    )
+    rows = []
+    for k, result in enumerate(paper.choices if full else paper.choices[:1]):
+        sd = np.sqrt(np.diag(result.cov))
+        solving = ", ".join(names[i] for i in result.choice.solving)
+        for v, segment in enumerate(paper.chain.segments):
+            r, l = 2 * v, 2 * v + 1  # noqa: E741 - the paper's letter
+            rows.append(
+                (
+                    solving + (" (best)" if k == 0 else "") if v == 0 else "",
+                    f"{result.choice.determinant:.3f}" if v == 0 else "",
+                    segment.name(paper.chain.robot),
+                    _pm(result.w[v].imag, sd[r], MM),
+                    _pm(result.w[v].real, sd[l], MM),
+                    f"{result.noise_gain[r]:.1f}, {result.noise_gain[l]:.1f}",
+                    _misfit(result.misfit, result.misfit_sigma) if v == 0 else "",
+                )
+            )
+    print_table(
+        console,
+        rows,
+        ("solved from", "|det E|", "segment", "r mm", "l mm", "gain r, l", "rest off x, z mm"),
+    )
+
+
+def _misfit(misfit: np.ndarray, sigma: np.ndarray) -> str:
+    if np.isnan(misfit).any():
+        return "-"
+    return ", ".join(_pm(m, s, MM) for m, s in zip(misfit, sigma, strict=True))
+
+
+def _solution(console: Console, solution: Solution, *, full: bool) -> None:
+    fit = solution.adjustment
+    _heading(console, "All data at once: CoM of each link in its URDF frame")
+    rows = [
+        (link.link, f"{link.mass:.3f}", *(_component(link, i) for i in range(3)))
+        for link in solution.links
+        if link.source != (None, None, None) or link.mass > 0
+    ]
+    print_table(console, rows, ("link", "mass kg (URDF)", "x mm", "y mm", "z mm"))
+    console.print(
+        f"rank {fit.rank} of {fit.unknowns.size} unknowns, condition {fit.condition:.0f}, "
+        f"chi2 {fit.chi2:.1f} for {fit.dof} degrees of freedom"
+    )
+    if solution.misfit_p < MISFIT:
+        console.print(
+            f"the model does not explain the data within their noise (p = {solution.misfit_p:.0e}, "
+            f"limit {MISFIT:g}): sigmas are too small; look for what the model lacks",
+            style="bold",
+        )
+    sums = [c for c in solution.combinations if len(c.coefficients) > 1]
+    if sums:
+        _heading(console, "Only sums are determined (first moments, kg mm)")
+        print_table(console, [(c.words, _pm(c.value, c.sigma, 1e3)) for c in sums])
+    if full and solution.unseen:
+        _heading(console, "Not determined by these poses")
+        print_table(console, _by_remedy(solution), ("first moments", "apart from one another"))
+    held = solution.held_out
+    _heading(console, "Held-out poses (cross-validated)")
+    console.print(
+        f"total CoM off the measured line by {held.com_rms * MM:.2f} mm rms (95 % upper end "
+        f"{held.com_upper * MM:.2f} mm), force {held.force_rms:.2f} N, moment "
+        f"{held.moment_rms:.3f} N m, {held.poses} poses"
+    )
+
+
+def _by_remedy(solution: Solution) -> list[tuple[str, str]]:
+    """Join the directions that one pose would show."""
+    order = solution.adjustment.unknowns.names
+    grouped: dict[str, set[str]] = {}
+    for unseen in solution.unseen:
+        grouped.setdefault(unseen.remedy, set()).update(unseen.parts)
+    return [
+        (", ".join(name for name in order if name in parts), remedy)
+        for remedy, parts in grouped.items()
+    ]
+
+
+def _component(link: LinkCom, i: int) -> str:
+    source = link.source[i]
+    if source == "measured":
+        return _pm(link.com[i], float(np.sqrt(link.cov[i, i])), MM)
+    if source == "prior":
+        return f"({link.com[i] * MM:.1f} URDF)"
+    return "in a sum" if source == "combination" else "unseen"
+
+
+def _difference(console: Console, calibration: Calibration) -> None:
+    difference = calibration.difference
+    if difference is None:
+        return
+    _heading(console, "Both routes side by side (mm); their difference by its own sigma")
+    rows = [
+        (name, f"{a * MM:.2f}", _pm(b, s, MM), _pm(a - b, ds, MM))
+        for name, a, b, s, ds in zip(
+            difference.names,
+            difference.cramer,
+            difference.lstsq,
+            difference.lstsq_sigma,
+            difference.sigma,
+            strict=True,
+        )
+    ]
+    print_table(console, rows, ("segment", "Cramer", "all data", "difference"))
+    word = "agree" if difference.agree else "CONTRADICT one another"
+    console.print(
+        f"the two routes {word} (p = {difference.p:.3f}); Cramer takes the feet's CoM from CAD, "
+        "all data measures it"
+    )
+
+
+def _mass(console: Console, calibration: Calibration) -> None:
+    solution = calibration.solution
+    if solution is None:
+        return
+    urdf = calibration.robot.tree.total_mass
+    _heading(console, "Mass of the whole robot")
+    console.print(
+        f"{_pm(solution.mass, solution.mass_sigma)} kg measured, {urdf:.3f} kg in the URDF "
+        f"({solution.mass - urdf:+.3f} kg)"
+    )
+
+
+def _pm(value: float, sigma: float, factor: float = 1.0) -> str:
+    """Return value and sigma with as many decimals as two digits of sigma need."""
+    value, sigma = value * factor, sigma * factor
+    if not np.isfinite(sigma) or sigma <= 0:
+        return f"{value:.3f}"
+    decimals = int(np.clip(1 - np.floor(np.log10(sigma)), 0, 4))
+    return f"{value:.{decimals}f} +/- {sigma:.{decimals}f}"

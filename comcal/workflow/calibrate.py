@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``comcal solve``: a session folder in, a calibration and its result files out."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from comcal.errors import UsageError
+from comcal.identify.calibration import Calibration, Method, calibrate
+from comcal.measure.session import Session, open_session
+from comcal.measure.session_poses import session_poses
+from comcal.measure.table import PoseTable
+from comcal.report.calibration_json import calibration_json
+from comcal.robot.description import load_robot
+from comcal.robot.model import Robot
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A calibration and where its files lie.
+
+    Parameters
+    ----------
+    files : tuple of Path
+        Written files, ``result.json`` first.
+    """
+
+    session: Session
+    calibration: Calibration
+    files: tuple[Path, ...]
+
+
+def load_table(directory: Path, drop: Sequence[int] = ()) -> tuple[Session, Robot, PoseTable]:
+    """Read a session folder: its frozen robot and its plausible poses.
+
+    Parameters
+    ----------
+    directory : Path
+    drop : sequence of int
+        Pose ids to leave out.
+
+    Raises
+    ------
+    UsageError
+        If the folder, robot.yaml or URDF is wrong, or a pose to drop is not there.
+    DataError
+        If the poses cannot be right (units, signs, balance, not still, not finite).
+    """
+    session = open_session(directory)
+    robot = load_robot(session.robot_yaml)
+    table = session_poses(session, robot)
+    missing = [pose for pose in drop if pose not in table.pose]
+    if missing:
+        raise UsageError(
+            f"there is no pose {missing[0]} to drop",
+            where=str(session.poses_csv),
+            next_step="poses: " + ", ".join(map(str, table.pose)),
+        )
+    kept = np.array([pose not in drop for pose in table.pose], dtype=np.bool_)
+    return session, robot, table.select(kept)
+
+
+def solve_session(
+    directory: Path, method: Method = Method.BOTH, drop: Sequence[int] = ()
+) -> Solved:
+    """Calibrate a session and write ``results/NNN/result.json`` and ``used.csv``.
+
+    Raises
+    ------
+    UsageError, DataError
+        As :func:`load_table` and :func:`comcal.identify.calibration.calibrate`; nothing is written
+        then.
+    """
+    session, robot, table = load_table(directory, drop)
+    calibration = calibrate(robot, table, method)
+    made_from = {
+        path.name: _sha256(path)
+        for path in (session.robot_yaml, session.poses_csv, robot.urdf_path)
+        if path is not None
+    }
+    folder = session.new_result_folder()
+    result = folder / "result.json"
+    text = json.dumps(calibration_json(calibration, made_from), indent=1, allow_nan=False)
+    result.write_text(text + "\n", encoding="utf-8")
+    used = folder / "used.csv"
+    shutil.copyfile(session.poses_csv, used)
+    session.publish_result(folder)
+    return Solved(session, calibration, (result, used))
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def is_chain(directory: Path) -> bool:
+    """Return whether a session's robot is a chain without URDF."""
+    return not load_robot(open_session(directory).robot_yaml).tree.geometry_known

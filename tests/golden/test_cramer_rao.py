@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The solver claims what the data allow: its covariance is the Cramer-Rao bound of the oracle.
+
+Covers: masses, link CoMs and total CoMs of both generated robots on level floor. Not covered: how
+the bound compares with errors actually made; that is what ``comcal study`` is for.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from comcal.identify.adjust import Adjustment, adjust
+from comcal.identify.linearise import groups_of
+from comcal.identify.unknowns import unknowns_of
+from comcal.measure.plan_csv import read_plan
+from comcal.measure.source import SourceRequest
+from comcal.measure.tabulate import tabulate
+from comcal.robot.description import load_robot
+from comcal.workflow.sources import open_source
+from comcal.workflow.study_file import NoiseSection
+from comcal.workflow.study_robot import still_window, told_noise
+from comcal_sims.builtin_world import static_state
+from comcal_sims.robots import biped14, table1
+
+HERE = Path(__file__).resolve().parent.parent
+ROBOTS = {"table1": table1.generate, "biped14": biped14.generate}
+
+
+@dataclass
+class Case:
+    """A generated robot, as the oracle reads it and as the solver fits its exact data."""
+
+    machine: Any
+    poses: list[Any]
+    first: dict[int, np.ndarray]
+    fit: Adjustment
+    folder: Path
+
+
+@pytest.fixture(scope="module")
+def oracle() -> ModuleType:
+    path = HERE / "oracles" / "cramer_rao.py"
+    spec = importlib.util.spec_from_file_location("cramer_rao", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["cramer_rao"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module", params=list(ROBOTS))
+def case(
+    request: pytest.FixtureRequest, oracle: ModuleType, tmp_path_factory: pytest.TempPathFactory
+) -> Case:
+    folder = tmp_path_factory.mktemp("robots") / request.param
+    robot = told_noise(load_robot(ROBOTS[request.param](folder)), NoiseSection(name="realistic"))
+    plan = [p for p in read_plan(folder / "plan.csv", robot.tree.joint_names) if p.support != "none"]
+    windows = []
+    with open_source("builtin", SourceRequest(robot=robot, seed=0, noise=False)) as source:
+        for pose in plan:
+            source.move_to(pose)
+            windows.append(still_window(source, 2))
+    table = tabulate(robot, plan, windows, "exact")
+    machine = oracle.read_machine(folder)
+    return Case(
+        machine,
+        oracle.read_plan(folder, machine),
+        oracle.load_sharing(folder),
+        adjust(robot, unknowns_of(robot), groups_of(robot, table)),
+        folder,
+    )
+
+
+def test_forward_model_of_the_oracle_predicts_the_simulated_world(
+    case: Case, oracle: ModuleType
+) -> None:
+    robot = load_robot(case.folder / "robot.yaml")
+    plan = {p.pose: p for p in read_plan(case.folder / "plan.csv", robot.tree.joint_names)}
+    shared = oracle.Globals(case.machine).truth[None].astype(complex)
+    for pose in case.poses:
+        local = np.concatenate([pose.q, np.zeros(2 + 6 * (len(pose.feet) - 1))])
+        first = case.first.get(pose.pose, np.zeros(6))
+        predicted = oracle.predict(case.machine, pose, first, local[None].astype(complex), shared)
+        wrenches = static_state(robot, plan[pose.pose]).wrenches
+        true = np.concatenate([pose.q, *(wrenches[robot.feet[f].sensor] for f in pose.feet)])
+        np.testing.assert_allclose(predicted[0].real, true, rtol=0, atol=1e-9)
+
+
+def test_kinematics_of_the_oracle_are_those_of_pinocchio(case: Case, oracle: ModuleType) -> None:
+    pin = pytest.importorskip("pinocchio")
+    model = pin.buildModelFromUrdf(str(next(case.folder.glob("*.urdf"))))
+    data = model.createData()
+    shared = oracle.Globals(case.machine)
+    for pose in case.poses[::5]:
+        q = np.zeros(model.nq)
+        for name, angle in zip(case.machine.joint_names, pose.q, strict=True):
+            q[model.joints[model.getJointId(name)].idx_q] = angle
+        frames = oracle.place(case.machine, pose.q[None].astype(complex))
+        mass, moment = shared.masses_and_moments(shared.truth[None].astype(complex), frames, set())
+        com = pin.centerOfMass(model, data, q)
+        np.testing.assert_allclose((moment / mass)[0].real, com, rtol=0, atol=1e-12)
+
+
+def test_covariance_of_the_fit_is_the_bound(case: Case, oracle: ModuleType) -> None:
+    bound = oracle.bound(
+        case.machine, case.poses, case.first, oracle.NoiseOfMeans(), {}, cad_is_exact=True
+    )
+    fit = case.fit
+    order = [0, *(bound.names.index(f"h {name}") for name in fit.unknowns.names[1:])]
+    scaled = bound.noise_cov[np.ix_(order, order)] / np.outer(fit.unknowns.scale, fit.unknowns.scale)
+    assert (bound.seen, bound.unseen) == (fit.rank, fit.unseen.shape[1])
+    # In the solver's own directions, each in units of its own sigma, the bound is the identity.
+    to_sigmas = fit.seen * fit.singular
+    np.testing.assert_allclose(
+        to_sigmas.T @ scaled @ to_sigmas, np.eye(fit.rank), rtol=0, atol=1e-6
+    )
+    assert np.abs(fit.unseen.T @ scaled @ fit.unseen).max() < 1e-6 * np.linalg.norm(scaled)
+
+
+def test_a_pose_less_never_lowers_the_bound(case: Case, oracle: ModuleType) -> None:
+    noise = oracle.NoiseOfMeans()
+    all_poses = oracle.bound(case.machine, case.poses, case.first, noise, {})
+    fewer = oracle.bound(case.machine, case.poses[:-1], case.first, noise, {})
+    assert fewer.seen == all_poses.seen
+    for name, sigma in all_poses.sigma.items():
+        assert fewer.sigma[name] >= sigma * (1 - 1e-9)
+
+
+def test_bounds_beside_the_studies_are_those_of_the_oracle(oracle: ModuleType) -> None:
+    stored = json.loads((HERE / "studies" / "crb.json").read_text("utf-8"))
+    now = oracle.bounds_of_study(HERE / "studies" / "full.yaml")
+    assert [b["robot"] for b in stored["bounds"]] == [b["robot"] for b in now["bounds"]]
+    for old, new in zip(stored["bounds"], now["bounds"], strict=True):
+        assert old["sigma"].keys() == new["sigma"].keys()
+        for name, sigma in new["sigma"].items():
+            assert old["sigma"][name] == pytest.approx(sigma, rel=1e-5), name

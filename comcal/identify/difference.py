@@ -10,7 +10,7 @@ from scipy.special import chdtrc
 
 from comcal.identify.adjust import Adjustment
 from comcal.identify.paper_route import PaperRoute
-from comcal.identify.solution import rotated_moment_functional
+from comcal.identify.solution import rotated_moment_functional, sigmas
 from comcal.measure.table import PoseTable
 from comcal.robot.tree import Array
 from comcal.statics.planar import placed_configurations, segment_com
@@ -105,5 +105,5 @@ def route_difference(
     firm = value > 1e-9 * value[-1]
     chi2 = float(np.sum((vector[:, firm].T @ (cramer - lstsq)) ** 2 / value[firm]))
     names = tuple(f"{s.name(chain.robot)} {a}" for s in chain.segments for a in "rl")
-    sigma = np.sqrt(np.einsum("ij,jk,ik->i", to_segments, fit.cov + fit.cov_cad, to_segments))
+    sigma = sigmas(to_segments @ (fit.cov + fit.cov_cad) @ to_segments.T)
     return RouteDifference(names, cramer, lstsq, sigma, cov, float(chdtrc(int(firm.sum()), chi2)))

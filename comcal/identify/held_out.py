@@ -52,8 +52,15 @@ def held_out_error(robot: Robot, unknowns: Unknowns, groups: Sequence[Group], ra
     ----------
     rank : int
         Rank of the fit over all poses.
+
+    Returns
+    -------
+    HeldOut
+        All NaN for a single pose: nothing is left to fit.
     """
     rows = sorted(row for group in groups for row in group.rows)
+    if len(rows) < 2:
+        return HeldOut(np.nan, np.nan, np.nan, np.nan, len(rows), 0)
     folds = min(FOLDS, len(rows))
     distance: list[Array] = []
     force: list[Array] = []

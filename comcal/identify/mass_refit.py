@@ -19,6 +19,7 @@ from comcal.identify.calibration import MISFIT
 from comcal.identify.hung_moments import determined_sums
 from comcal.identify.linearise import groups_of
 from comcal.identify.mass_fit import MassFit, fit_masses
+from comcal.identify.solution import sigmas
 from comcal.identify.unknowns import unknowns_of
 from comcal.identify.words import Combination
 from comcal.measure.plan import NONE
@@ -170,7 +171,7 @@ def _whole(fit: MassFit, p: float) -> Iterator[Objection]:
 def _single(fit: MassFit, names: tuple[str, ...], urdf: Array) -> Iterator[Objection]:
     """Yield what is absurd about single masses, without telling the mass."""
     share = fit.masses / urdf
-    noise, cad = (TWO_SIDED_95 * np.sqrt(np.diag(c)) / urdf for c in (fit.cov, fit.cov_cad))
+    noise, cad = (TWO_SIDED_95 * sigmas(c) / urdf for c in (fit.cov, fit.cov_cad))
     for i, name in enumerate(names):
         if share[i] < 0.0:
             yield Objection(name, "the fit wants a negative mass; not reported")

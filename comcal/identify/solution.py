@@ -246,9 +246,14 @@ def _pose(fit: Adjustment, table: PoseTable, i: int) -> PoseCom:
     return PoseCom(i, table.pose[i], xyz[0], carried[0], cov[0] + encoder, cov_cad[0])
 
 
-def link_moment(fit: Adjustment, k: int) -> Array:
-    """Return h of link *k* in its own frame, measured or from the URDF, shape (3,) [kg m]."""
-    return fit.unknowns.moments(fit.theta)[k]
+def sigmas(cov: Array) -> Array:
+    """Return the standard deviations of a covariance, shape (n,); rounding below zero is zero.
+
+    Parameters
+    ----------
+    cov : array, shape (n, n)
+    """
+    return np.sqrt(np.clip(np.diag(cov), 0.0, None))
 
 
 def rotated_moment_functional(

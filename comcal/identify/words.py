@@ -16,8 +16,10 @@ from comcal.statics.balance import balance_at
 from comcal.statics.configurations import foot_side_links
 from comcal.statics.support import Carrier, carrier_of
 
-SMALL_COEFFICIENT = 0.1
-"""Coefficients of a combination below this share of its largest are noise of the data."""
+SMALL_SHARE = 0.1
+"""In scaled unknowns, parts of a direction below this share of its largest may be noise ..."""
+SMALL_COEFFICIENT = 0.02
+"""... and are, when their plain coefficient against that of the largest part is below this."""
 SHOWN = 0.01
 """A trial pose shows a direction when its rows react to it with this share of their size."""
 TRIAL_BEND = 0.5
@@ -75,9 +77,10 @@ def combinations_of(adjustment: Adjustment) -> tuple[Combination, ...]:
     rows = _eliminate(adjustment.seen.T, range(unknowns.size)) / unknowns.scale
     found: list[Combination] = []
     for row in rows:
-        largest = row[int(np.argmax(np.abs(row * unknowns.scale)))]
-        row = row / largest
-        row[np.abs(row * unknowns.scale) < _threshold(row * unknowns.scale)] = 0.0
+        largest = int(np.argmax(np.abs(row * unknowns.scale)))
+        row = row / row[largest]
+        small = np.abs(row * unknowns.scale) < SMALL_SHARE * unknowns.scale[largest]
+        row[small & (np.abs(row) < SMALL_COEFFICIENT)] = 0.0
         found.append(
             Combination(
                 words=_sum_in_words(unknowns, row),
@@ -95,7 +98,7 @@ def unseen_directions(adjustment: Adjustment) -> tuple[Unseen, ...]:
     order = list(range(unknowns.size))[::-1]
     found: list[Unseen] = []
     for row in _eliminate(adjustment.unseen.T, order):
-        row = np.where(np.abs(row) < _threshold(row), 0.0, row)
+        row = np.where(np.abs(row) < SMALL_SHARE * np.max(np.abs(row)), 0.0, row)
         parts = [unknowns.names[i] for i in np.flatnonzero(row)]
         if len(parts) == 1:
             words = f"{parts[0]} is not seen at all"
@@ -103,10 +106,6 @@ def unseen_directions(adjustment: Adjustment) -> tuple[Unseen, ...]:
             words = f"{' against '.join(parts)}: they change together unnoticed"
         found.append(Unseen(words, _remedy(adjustment, row * unknowns.scale), tuple(parts)))
     return tuple(found)
-
-
-def _threshold(row: Array) -> float:
-    return SMALL_COEFFICIENT * float(np.max(np.abs(row)))
 
 
 def _eliminate(rows: Array, order: range | list[int]) -> Array:
@@ -117,7 +116,7 @@ def _eliminate(rows: Array, order: range | list[int]) -> Array:
         if pivot == len(rows):
             break
         best = pivot + int(np.argmax(np.abs(rows[pivot:, column])))
-        if abs(rows[best, column]) < SMALL_COEFFICIENT:
+        if abs(rows[best, column]) < SMALL_SHARE:
             continue
         rows[[pivot, best]] = rows[[best, pivot]]
         rows[pivot] /= rows[pivot, column]

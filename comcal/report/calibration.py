@@ -8,7 +8,7 @@ from rich.console import Console
 
 from comcal.identify.calibration import MISFIT, Calibration, Check, Verdict
 from comcal.identify.paper_route import PaperRoute
-from comcal.identify.solution import LinkCom, Solution
+from comcal.identify.solution import LinkCom, Solution, sigmas
 from comcal.report.console import print_table
 
 MM = 1e3
@@ -104,7 +104,7 @@ def _paper(console: Console, paper: PaperRoute, *, full: bool) -> None:
     if paper.totals:
         rows = []
         for t in paper.totals:
-            sd, cad = np.sqrt(np.diag(t.cov)), np.sqrt(np.diag(t.cov_cad))
+            sd, cad = sigmas(t.cov), sigmas(t.cov_cad)
             tilt = "-" if np.isnan(t.tilt) else f"{np.rad2deg(t.tilt):.1f}"
             rows.append(
                 (
@@ -128,7 +128,7 @@ def _paper(console: Console, paper: PaperRoute, *, full: bool) -> None:
     )
     rows = []
     for k, result in enumerate(paper.choices if full else paper.choices[:1]):
-        sd = np.sqrt(np.diag(result.cov))
+        sd = sigmas(result.cov)
         solving = ", ".join(names[i] for i in result.choice.solving)
         for v, segment in enumerate(paper.chain.segments):
             r, l = 2 * v, 2 * v + 1  # noqa: E741 - the paper's letter
@@ -184,6 +184,9 @@ def _solution(console: Console, solution: Solution, *, full: bool) -> None:
         print_table(console, _by_remedy(solution), ("first moments", "apart from one another"))
     held = solution.held_out
     _heading(console, "Held-out poses (cross-validated)")
+    if np.isnan(held.com_rms):
+        console.print("a single pose leaves nothing to hold out")
+        return
     console.print(
         f"total CoM off the measured line by {held.com_rms * MM:.2f} mm rms (95 % upper end "
         f"{held.com_upper * MM:.2f} mm), force {held.force_rms:.2f} N, moment "

@@ -11,7 +11,7 @@ import numpy as np
 from comcal.identify.calibration import Calibration
 from comcal.identify.difference import RouteDifference
 from comcal.identify.paper_route import ConfigurationCom, PaperRoute
-from comcal.identify.solution import LinkCom, Solution
+from comcal.identify.solution import LinkCom, Solution, sigmas
 from comcal.robot.tree import Array
 
 FORMAT = "comcal-result/1"
@@ -33,7 +33,7 @@ def calibration_json(calibration: Calibration, made_from: Mapping[str, str]) -> 
         "verdict": calibration.verdict.value,
         "reason": calibration.reason,
         "checks": [
-            {"name": c.name, "measured": c.measured, "limit": c.limit, "unit": c.unit}
+            {"name": c.name, "measured": _number(c.measured), "limit": c.limit, "unit": c.unit}
             for c in calibration.checks
         ],
         "mass": None,
@@ -106,7 +106,7 @@ def _totals(calibration: Calibration) -> list[dict[str, Any]]:
                 "xyz": _numbers(p.xyz),
                 "carried_xyz": _numbers(p.carried_xyz),
                 "cov": _numbers(p.cov + p.cov_cad),
-                "sigma_cad": _numbers(np.sqrt(np.diag(p.cov_cad))),
+                "sigma_cad": _numbers(sigmas(p.cov_cad)),
                 "by": "lstsq",
                 "assumes": ["link masses of the URDF", "links below the cuts as in the URDF"],
             }
@@ -132,7 +132,7 @@ def _configuration(calibration: Calibration, total: ConfigurationCom) -> dict[st
         "xyz": _numbers(total.xyz),
         "carried_xyz": _numbers(total.carried_xyz),
         "cov": _numbers(total.cov + total.cov_cad),
-        "sigma_cad": _numbers(np.sqrt(np.diag(total.cov_cad))),
+        "sigma_cad": _numbers(sigmas(total.cov_cad)),
         "by": total.by,
         "assumes": assumes[total.by],
     }

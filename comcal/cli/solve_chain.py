@@ -20,14 +20,14 @@ def solve_chain(session: Path, drop: Sequence[int], held_out: str, as_json: bool
     """
     from comcal.report.postures import postures_lines
     from comcal.report.postures_json import postures_json
-    from comcal.workflow.calibrate import load_table
+    from comcal.workflow.calibrate import load_session
     from comcal.workflow.human_postures import solve_postures
 
     try:
         poses = [int(part) for part in held_out.split(",") if part.strip()]
     except ValueError:
         raise click.UsageError(f"--held-out {held_out!r}: give pose numbers as 4,7,8") from None
-    _, robot, table = load_table(session, drop)
+    _, robot, table = load_session(session, drop)
     result = solve_postures(robot, table, held_out=poses)
     if as_json:
         click.echo(json.dumps(postures_json(result), indent=1))

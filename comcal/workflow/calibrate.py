@@ -37,7 +37,7 @@ class Solved:
     files: tuple[Path, ...]
 
 
-def load_table(directory: Path, drop: Sequence[int] = ()) -> tuple[Session, Robot, PoseTable]:
+def load_session(directory: Path, drop: Sequence[int] = ()) -> tuple[Session, Robot, PoseTable]:
     """Read a session folder: its frozen robot and its plausible poses.
 
     Parameters
@@ -75,10 +75,10 @@ def solve_session(
     Raises
     ------
     UsageError, DataError
-        As :func:`load_table` and :func:`comcal.identify.calibration.calibrate`; nothing is written
-        then.
+        As of :func:`load_session` and of :func:`~comcal.identify.calibration.calibrate`; nothing is
+        written then.
     """
-    session, robot, table = load_table(directory, drop)
+    session, robot, table = load_session(directory, drop)
     calibration = calibrate(robot, table, method)
     made_from = {
         path.name: _sha256(path)

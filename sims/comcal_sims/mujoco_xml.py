@@ -23,11 +23,13 @@ TIME_STEP = 1e-3
 CONTACT = "-30000 -1000"
 """Stiffness [1/s^2] and damping [1/s] of a contact, MuJoCo's direct ``solref``."""
 IMPEDANCE = "0.95 0.95 0.001"
-"""The same for any penetration, so that corners that hardly carry do not hop (``solimp``)."""
+"""The same for any penetration (``solimp``)."""
 GRIP = 100.0
 """How much stiffer friction is than the normal contact (``impratio``). It keeps feet from creeping
 without the ``noslip`` pass, which changes friction behind the solver's back: with it, corners that
 hardly carry hop for ever and the wrenches are off by up to 0.5 N."""
+TOLERANCE = 1e-15
+"""Of the solver. Stopped at the default of 1e-8 it makes such corners hop, too."""
 FRICTION = "1 0.005 0.0001"
 
 SERVO_STIFFNESS = 2e4 / 18.6
@@ -70,6 +72,7 @@ def mujoco_xml(robot: Robot, T_world_base: Array, R_world_floor: Array | None) -
         integrator="implicitfast",
         cone="elliptic",
         impratio=repr(GRIP),
+        tolerance=repr(TOLERANCE),
         gravity=_text((0.0, 0.0, -robot.gravity)),
     )
     world = ET.SubElement(root, "worldbody")

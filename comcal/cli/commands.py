@@ -40,6 +40,9 @@ SUBCOMMANDS: dict[str, Subcommand] = {
     "demo": Subcommand(
         "comcal.cli.demo:demo_command", "Calibrate a simulated biped from end to end."
     ),
+    "generate": Subcommand(
+        "comcal.cli.generate:generate_command", "Write a generated robot with its pose plan."
+    ),
     "check": Subcommand(
         "comcal.cli.check:check_command", "Say what comcal understands of a robot.yaml."
     ),

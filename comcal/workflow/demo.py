@@ -6,21 +6,18 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
-from typing import cast
 
-from comcal.errors import MissingExtraError, UsageError
 from comcal.measure.progress import OnEvent, ignore
 from comcal.workflow.calibrate import Solved, solve_session
 from comcal.workflow.record import RecordOrder, record_session
+from comcal.workflow.robots import robot_generator
 
 ENGINES = ("pybullet", "mujoco")
 """In order of preference; without any of them the built-in statics serve."""
 BUILTIN = "builtin"
 FOLDER = "comcal-demo"
-ROBOTS_GROUP = "comcal.robots"
 
 
 @dataclass(frozen=True)
@@ -95,7 +92,7 @@ def run_demo(
     """
     choice = choose_engine(source)
     on_choice(choice)
-    generate = _generator(robot)
+    generate = robot_generator(robot)
     directory = _free_folder(parent)
     robot_yaml = generate(directory / "robot")
     outcome = record_session(
@@ -103,22 +100,6 @@ def run_demo(
     )
     solved = solve_session(outcome.session.directory)
     return Demo(choice, outcome.seed, directory, robot_yaml, solved)
-
-
-def _generator(robot: str) -> Callable[[Path], Path]:
-    found = {entry.name: entry for entry in entry_points(group=ROBOTS_GROUP)}
-    if not found:
-        raise MissingExtraError(
-            "no generated robot is installed",
-            next_step="install the whole package: pip install comcal",
-        )
-    if robot not in found:
-        raise UsageError(
-            f"there is no generated robot {robot!r}",
-            where="--robot",
-            next_step=f"there are: {', '.join(sorted(found))}",
-        )
-    return cast("Callable[[Path], Path]", found[robot].load())
 
 
 def _free_folder(parent: Path) -> Path:

@@ -25,6 +25,7 @@ EXIT_UNUSABLE, EXIT_LIMIT = 3, 5
     "--output",
     default=".",
     type=click.Path(path_type=Path, file_okay=False),
+    show_default="this folder",
     help="Folder in which the demo's own folder is made.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print result.json, and nothing else.")
@@ -63,8 +64,8 @@ def demo_command(
         print_calibration(console, calibration, full=False)
         console.print()
         for path in (demo.robot_yaml, demo.solved.session.poses_csv, *demo.solved.files):
-            console.print(f"wrote {path}")
-        console.print(f"next: comcal solve {demo.solved.session.directory}   (everything, in full)")
-        console.print(f"      comcal check {demo.robot_yaml}   (what a robot description holds)")
+            click.echo(f"wrote {path}")
+        click.echo(f"next: comcal solve {demo.solved.session.directory}   (everything, in full)")
+        click.echo(f"      comcal check {demo.robot_yaml}   (what a robot description holds)")
     exits = {Verdict.NOT_IDENTIFIABLE: EXIT_UNUSABLE, Verdict.FAILED: EXIT_LIMIT}
     return exits.get(calibration.verdict, 0)

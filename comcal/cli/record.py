@@ -25,7 +25,10 @@ DEFAULT = StillCriterion()
     help="Session folder: a new one, or one to go on with.",
 )
 @click.option(
-    "--source", required=True, metavar="NAME[:ARG]", help="What measures and moves the robot."
+    "--source",
+    required=True,
+    metavar="NAME[:ARG]",
+    help="What measures and moves the robot: pybullet, mujoco or builtin.",
 )
 @click.option(
     "--poses",
@@ -135,6 +138,7 @@ def record_command(
         click.echo(
             json.dumps(
                 {
+                    "format": "comcal-recording/1",
                     "session": str(outcome.session.directory),
                     "poses_csv": str(outcome.session.poses_csv),
                     "source": source,

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from comcal.identify.calibration import Calibration
 
 EXIT_UNUSABLE, EXIT_LIMIT = 3, 5
@@ -51,7 +53,8 @@ def solve_command(
 ) -> int:
     """Solve the session in DIR: coefficients, total CoM, CoM of each link, intervals, verdict.
 
-    Writes results/NNN/result.json and used.csv; nothing is overwritten. Exit code 0: passed, or no
+    DIR holds robot.yaml, its URDF and poses.csv: made by record or import, or by hand. Written are
+    DIR/results/NNN/result.json and used.csv; nothing is overwritten. Exit code 0: passed, or no
     limits are set; 3: the poses do not determine any link; 5: a limit is not met.
 
     \b
@@ -62,9 +65,14 @@ def solve_command(
     from comcal.report.console import make_console
     from comcal.workflow.calibrate import is_chain, solve_session
 
+    if as_json and (as_published or masses):
+        word = "--as-published" if as_published else "--masses"
+        raise click.UsageError(f"{word} is text beside the result; leave out --json")
     if is_chain(session):
         from comcal.cli.solve_chain import solve_chain
 
+        if as_published or masses or method != "both":
+            raise click.UsageError("--as-published, --masses and --method need a robot with a URDF")
         return solve_chain(session, drop, held_out, as_json)
     if held_out:
         raise click.UsageError(
@@ -79,37 +87,50 @@ def solve_command(
 
         console = make_console()
         if as_published:
-            _print_published(calibration)
+            _print_published(console, calibration)
         if masses:
-            _print_masses(calibration)
+            _print_masses(console, calibration)
         print_calibration(console, calibration)
         for path in solved.files:
-            console.print(f"wrote {path}")
+            click.echo(f"wrote {path}")
     exits = {Verdict.NOT_IDENTIFIABLE: EXIT_UNUSABLE, Verdict.FAILED: EXIT_LIMIT}
     return exits.get(calibration.verdict, 0)
 
 
-def _print_published(calibration: Calibration) -> None:
-    from comcal.report.published import nominal_row, published_heading, published_row
+def _print_published(console: Console, calibration: Calibration) -> None:
+    from comcal.report.console import print_lines
+    from comcal.report.published import (
+        nominal_row,
+        published_heading,
+        published_name,
+        published_row,
+    )
     from comcal.workflow.published import NotComparable, published_comparison
 
     found = published_comparison(calibration.robot, calibration.table)
     if isinstance(found, NotComparable):
-        click.echo(f"as published: the session does not hold the paper's poses: {found.reason}")
+        reason = f"as published: the session does not hold the paper's poses: {found.reason}"
+        print_lines(console, [reason, ""])
         return
-    for line in published_heading(found.poses, found.rank):
-        click.echo(line)
-    click.echo(nominal_row(found.nominal))
-    for variant in found.variants:
-        click.echo(published_row(variant.faults, variant.factor, variant.result, variant.reason))
-    for note in found.notes:
-        click.echo(f"note: {note}")
-    click.echo()
+    lines = [*published_heading(found.poses, found.rank), nominal_row(found.nominal)]
+    lines += [published_row(v.faults, v.factor, v.result) for v in found.variants]
+    lines += [
+        f"note: {published_name(v.faults, v.factor)}: {v.reason}"
+        for v in found.variants
+        if v.reason
+    ]
+    lines += [f"note: {note}" for note in found.notes]
+    lines.append(
+        "note: one noise enters every line, so compare lines; the sigma of the corrected one is "
+        "that of Cramer's rule below"
+    )
+    print_lines(console, [*lines, ""])
 
 
-def _print_masses(calibration: Calibration) -> None:
+def _print_masses(console: Console, calibration: Calibration) -> None:
     from comcal.identify.mass_refit import refit_masses
+    from comcal.report.console import print_lines
     from comcal.report.masses import masses_lines
 
-    for line in masses_lines(refit_masses(calibration.robot, calibration.table)):
-        click.echo(line)
+    lines = masses_lines(refit_masses(calibration.robot, calibration.table))
+    print_lines(console, [*lines, ""])

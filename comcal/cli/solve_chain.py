@@ -9,29 +9,37 @@ from pathlib import Path
 
 import click
 
+EXIT_UNUSABLE = 3
+
 
 def solve_chain(session: Path, drop: Sequence[int], held_out: str, as_json: bool) -> int:
-    """Fit, predict the held-out poses, print; return the exit code.
+    """Fit, predict the held-out poses, write result.json, print; return the exit code.
 
     Raises
     ------
     click.UsageError
         If *held_out* is not a list of pose numbers.
     """
+    from comcal.identify.postures import Usability
+    from comcal.report.console import make_console, print_lines
     from comcal.report.postures import postures_lines
     from comcal.report.postures_json import postures_json
-    from comcal.workflow.calibrate import load_session
+    from comcal.workflow.calibrate import input_hashes, load_session, write_result
     from comcal.workflow.human_postures import solve_postures
 
     try:
         poses = [int(part) for part in held_out.split(",") if part.strip()]
     except ValueError:
         raise click.UsageError(f"--held-out {held_out!r}: give pose numbers as 4,7,8") from None
-    _, robot, table = load_session(session, drop)
+    opened, robot, table = load_session(session, drop)
     result = solve_postures(robot, table, held_out=poses)
+    data = {**postures_json(result), "sha256": input_hashes(opened, robot)}
+    files = write_result(opened, data)
     if as_json:
-        click.echo(json.dumps(postures_json(result), indent=1))
+        click.echo(json.dumps(data, indent=1))
     else:
-        for line in postures_lines(result):
-            click.echo(line)
-    return 0
+        print_lines(make_console(), [f"note: {note}" for note in table.notes])
+        print_lines(make_console(), postures_lines(result))
+        for path in files:
+            click.echo(f"wrote {path}")
+    return 0 if result.usability is Usability.USABLE else EXIT_UNUSABLE

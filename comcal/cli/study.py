@@ -53,6 +53,7 @@ def study_command(
     """
     # Imported late, so that --help does not wait for the numerics.
     from comcal.measure.files import write_atomically
+    from comcal.report.console import make_console, print_lines
     from comcal.report.study import study_as_json, study_lines
     from comcal.workflow.study import StudyOrder, run_study
 
@@ -63,8 +64,8 @@ def study_command(
     if as_json:
         click.echo(text)
     else:
-        click.echo("\n".join(study_lines(outcome.summary)))
-        click.echo(f"results in {outcome.directory}")
+        print_lines(make_console(), study_lines(outcome.summary))
+        click.echo(f"wrote {outcome.directory}: results.jsonl, summary.json, study.json, robots/")
     return 0 if outcome.summary.passed else EXIT_LIMIT
 
 

@@ -7,6 +7,10 @@ one encoder's noise all moment rows: a Gauss-Helmert adjustment weighs every pos
 covariance :math:`B \Sigma B^T` of its rows and evaluates the regressor at the adjusted inputs.
 Evaluating it at the measured ones would pull weakly seen directions towards zero, because the same
 error then sits in the regressor and in the residual.
+
+The error of a sensor's tare is one and the same in every pose. It joins the covariance of all rows
+as :math:`C C^T`, C the rows' reaction to the tares in units of their standard deviations, and is
+inverted with it by Woodbury's formula.
 """
 
 from __future__ import annotations
@@ -18,12 +22,14 @@ import numpy as np
 
 from comcal.errors import RankError
 from comcal.identify.linearise import Group, Linearised, linearise, structure_of
+from comcal.identify.shared_errors import over_poses, row_errors
 from comcal.identify.unknowns import Unknowns
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
 
 ITERATIONS = 8
-"""Gauss-Helmert steps at most; three or four suffice for noise of a few per mille."""
+"""Gauss-Helmert steps at most; three or four suffice for noise of a few per mille. Only data that
+the model does not explain take more, and then the misfit says so."""
 CONVERGED = 1e-3
 """Largest step that ends the iteration, in standard deviations of the unknowns."""
 NOISE_RATIO = 20.0
@@ -48,15 +54,17 @@ class Adjustment:
     singular : array, shape (rank,)
         Square roots of the information on each seen direction (scaled unknowns).
     cov : array, shape (size, size)
-        Covariance of theta from measurement noise alone.
+        Covariance of theta from measurement noise alone, that of the tares included.
     cov_cad : array, shape (size, size)
         What the URDF's own tolerances add along the unseen directions.
     sensitivity : tuple of array, one per group, each shape (N, size, n_inputs)
-        d theta / d inputs.
+        d theta / d inputs. A change of a tare is a change of that sensor in all poses.
     residuals : tuple of array, one per group, each shape (N, 4)
         What is left of force [N] and moment [N m].
     chi2, dof
         Weighted sum of squared residuals and its degrees of freedom.
+    iterations : int
+        Steps taken.
     """
 
     unknowns: Unknowns
@@ -109,6 +117,8 @@ def adjust(robot: Robot, unknowns: Unknowns, groups: Sequence[Group]) -> Adjustm
     ------
     RankError
         If there is no pose at all in which a sensor is loaded.
+    DataError
+        If the stated errors leave a pose exact in some direction.
     """
     groups = tuple(groups)
     if not groups:
@@ -128,17 +138,18 @@ def adjust(robot: Robot, unknowns: Unknowns, groups: Sequence[Group]) -> Adjustm
         ]
         # What the poses can show does not depend on what they show: decided once.
         basis = basis or _seen_directions(linear, unknowns, groups)
-        seen, singular = _by_singular_value(basis[0], linear, scale)
+        errors = row_errors(groups, linear)
+        A = [a.A for a in linear]
+        weighted = errors.weighted(A)
+        seen, singular = _by_singular_value(basis[0], over_poses(weighted, A), scale)
         unseen = basis[1]
-        right = -sum(np.einsum("nji,njk,nk->i", a.A, a.W, a.misclosure) for a in linear)
+        right = -over_poses(weighted, [a.misclosure[:, :, None] for a in linear])[:, 0]
         to_theta = (scale[:, None] * seen / singular**2) @ (seen.T * scale)
         step = to_theta @ right
         theta = theta + step
         left = [a.misclosure + a.A @ step for a in linear]
-        inputs = [
-            group.inputs - np.einsum("nij,nkj,nkl,nl->ni", group.cov, a.B, a.W, r, optimize=True)
-            for group, a, r in zip(groups, linear, left, strict=True)
-        ]
+        weighted_left = [x[:, :, 0] for x in errors.weighted([r[:, :, None] for r in left])]
+        inputs = errors.adjusted_inputs(weighted_left)
         in_sigmas = singular * (seen.T @ (step / scale))
         if iterations >= ITERATIONS or bool(np.all(np.abs(in_sigmas) < CONVERGED)):
             break
@@ -153,11 +164,11 @@ def adjust(robot: Robot, unknowns: Unknowns, groups: Sequence[Group]) -> Adjustm
         singular=singular,
         cov=to_theta,
         cov_cad=hidden @ cad @ hidden.T,
-        sensitivity=tuple(-to_theta @ (np.swapaxes(a.A, 1, 2) @ a.W @ a.B) for a in linear),
-        residuals=tuple(left),
-        chi2=sum(
-            float(np.einsum("ni,nij,nj->", r, a.W, r)) for r, a in zip(left, linear, strict=True)
+        sensitivity=tuple(
+            -to_theta @ np.swapaxes(G, 1, 2) @ a.B for G, a in zip(weighted, linear, strict=True)
         ),
+        residuals=tuple(left),
+        chi2=sum(float(np.sum(r * x)) for r, x in zip(left, weighted_left, strict=True)),
         dof=sum(4 * len(group.rows) for group in groups) - seen.shape[1],
         iterations=iterations,
     )
@@ -179,11 +190,8 @@ def _seen_directions(
     return vector[:, is_seen], vector[:, ~is_seen]
 
 
-def _by_singular_value(
-    seen: Array, linear: Sequence[Linearised], scale: Array
-) -> tuple[Array, Array]:
+def _by_singular_value(seen: Array, information: Array, scale: Array) -> tuple[Array, Array]:
     """Turn the basis of seen directions so that each has its own singular value, best first."""
-    information = sum(np.einsum("nji,njk,nkl->il", a.A, a.W, a.A, optimize=True) for a in linear)
     scaled = seen * scale[:, None]
     value, turn = np.linalg.eigh(scaled.T @ information @ scaled)
     return seen @ turn[:, ::-1], np.sqrt(value[::-1])

@@ -9,6 +9,8 @@ sole of the foot in the air is carried by the other one.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from comcal.identify.adjust import Adjustment
@@ -19,8 +21,33 @@ from comcal.robot.tree import Array
 from comcal.statics.balance import balance_at, input_jacobian, moment_regressor
 
 
-def cad_input_cov(fit: Adjustment) -> Array:
-    """Return the covariance of theta that comes from CAD inputs, shape (size, size).
+@dataclass(frozen=True)
+class CadInputs:
+    """The values taken from CAD, and how an error of theirs moves a fit.
+
+    Parameters
+    ----------
+    links : tuple of int
+        Links that are not free.
+    sigma : array, shape (4 n,)
+        Standard deviations: the mass of each link [kg], then the CoM of each (3) [m].
+    gain : array, shape (size, 4 n)
+        d theta / d value.
+    """
+
+    links: tuple[int, ...]
+    sigma: Array
+    gain: Array
+
+    @property
+    def cov(self) -> Array:
+        """Covariance of theta that comes from them, shape (size, size)."""
+        root = self.gain * self.sigma
+        return root @ root.T
+
+
+def cad_inputs(fit: Adjustment) -> CadInputs:
+    """Return the CAD inputs of a fit.
 
     Parameters
     ----------
@@ -28,9 +55,9 @@ def cad_input_cov(fit: Adjustment) -> Array:
 
     Notes
     -----
-    With K = d theta / d residual of one pose, an error delta of the inputs moves theta by
-    -K (d residual / d input) delta. K is recovered from the stored sensitivity K B to the
-    measurements, B having full row rank.
+    A value that is assumed larger by delta moves theta by K (d residual / d value) delta, with
+    K = d theta / d residual of one pose, as a measured input does. K is recovered from the stored
+    sensitivity K B to the measurements, B having full row rank.
     """
     robot = fit.unknowns.robot
     given = [k for k in range(len(robot.tree.links)) if k not in fit.unknowns.links]
@@ -40,8 +67,7 @@ def cad_input_cov(fit: Adjustment) -> Array:
     gain = np.zeros((fit.unknowns.size, sigma.size))
     for group, sensitivity in zip(fit.groups, fit.sensitivity, strict=True):
         gain += _group_gain(fit, group, sensitivity, given)
-    root = gain * sigma
-    return root @ root.T
+    return CadInputs(tuple(given), sigma, gain)
 
 
 def _group_gain(fit: Adjustment, group: Group, sensitivity: Array, given: list[int]) -> Array:
@@ -61,4 +87,4 @@ def _group_gain(fit: Adjustment, group: Group, sensitivity: Array, given: list[i
     C[:, 0, : len(given)] = g * ~carried[given]
     C[:, 1:, : len(given)] = np.swapaxes(by_mass, 1, 2)
     C[:, 1:, len(given) :] = by_com.reshape(len(B), 3, -1)
-    return -np.einsum("nij,njk->ik", K, C)
+    return np.einsum("nij,njk->ik", K, C)

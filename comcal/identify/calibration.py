@@ -16,6 +16,7 @@ from comcal.measure.plan import NONE
 from comcal.measure.table import PoseTable
 from comcal.robot.model import Limits, Robot
 from comcal.statics.coefficients import BalanceCoefficients, balance_coefficients
+from comcal.statics.support import measured_supports
 
 SAME_SHAPE = np.deg2rad(1.0)
 """Joints that move by less from pose to pose leave the shape as it is [rad]."""
@@ -70,7 +71,8 @@ class Calibration:
         The paper's route; None where it was not asked for.
     difference : RouteDifference or None
     reason : str
-        Why the verdict is ``not_identifiable``, and the pose that would change it.
+        Why the verdict is ``not_identifiable``, and the pose that would change it; or why limits
+        that are set were not judged.
     """
 
     robot: Robot
@@ -91,8 +93,8 @@ def calibrate(robot: Robot, table: PoseTable, method: Method = Method.BOTH) -> C
     ------
     RankError
         If Cramer's rule was asked for and does not apply, or no pose loads a sensor.
-    MissingColumnError
-        If a loaded sensor has no wrench.
+    MissingColumnError, NotFiniteError, DataError
+        If the wrench or the error of a loaded sensor is not known.
     """
     measured = has_wrenches(robot, table)
     paper = paper_route(robot, table) if method is not Method.LSTSQ else None
@@ -107,8 +109,10 @@ def calibrate(robot: Robot, table: PoseTable, method: Method = Method.BOTH) -> C
         solution = solve_all(robot, table)
     elif method is Method.LSTSQ:
         raise RankError(
-            "the all-data route needs foot wrenches; this session has only given CoMs",
-            next_step="use --method cramer",
+            "the all-data route needs foot wrenches; this session has none of a standing pose",
+            where=str(table.source or "pose table"),
+            next_step="record poses with support 'double' or one foot; where the CoMs are given, "
+            "use --method cramer",
         )
     difference = route_difference(solution.adjustment, paper, table) if solution and paper else None
     reason = _not_identifiable(robot, table, solution, paper)
@@ -117,6 +121,8 @@ def calibrate(robot: Robot, table: PoseTable, method: Method = Method.BOTH) -> C
         verdict = Verdict.NOT_IDENTIFIABLE
     elif not checks:
         verdict = Verdict.NO_LIMITS
+        if robot.limits != Limits():
+            reason = "limits are judged by the all-data route, which was not taken"
     else:
         verdict = Verdict.PASSED if all(c.passed for c in checks) else Verdict.FAILED
     return Calibration(
@@ -133,10 +139,14 @@ def calibrate(robot: Robot, table: PoseTable, method: Method = Method.BOTH) -> C
 
 
 def has_wrenches(robot: Robot, table: PoseTable) -> bool:
-    """Return whether any standing pose has a measured wrench."""
-    names = [n for n in (*robot.sensors, *robot.plates) if n in table.wrench]
-    stands = np.array([s != NONE for s in table.support])
-    return any(bool(np.isfinite(table.wrench[n][stands]).any()) for n in names)
+    """Return whether the load of any standing pose is measured.
+
+    Raises
+    ------
+    ConfigError, MissingColumnError, NotFiniteError
+        If a standing pose has neither a wrench nor its CoM or CoP.
+    """
+    return any(True for _ in measured_supports(robot, table))
 
 
 def _checks(limits: Limits, robot: Robot, solution: Solution | None) -> tuple[Check, ...]:
@@ -158,6 +168,8 @@ def _not_identifiable(
     """Return why nothing about single links is determined, or an empty string."""
     if paper is not None and len(paper.choices) > 0:
         return ""
+    if all(support == NONE for support in table.support):
+        return "the robot is held in every pose; record poses in which a foot stands"
     if solution is None:
         return paper.reason if paper is not None else "no route was taken"
     if is_one_shape(robot, table):

@@ -10,6 +10,7 @@ from scipy.special import chdtrc
 
 from comcal.identify.adjust import Adjustment
 from comcal.identify.paper_route import PaperRoute
+from comcal.identify.shared_errors import shared_roots
 from comcal.identify.solution import rotated_moment_functional, sigmas
 from comcal.measure.table import PoseTable
 from comcal.robot.tree import Array
@@ -32,7 +33,8 @@ class RouteDifference:
     lstsq_sigma : array, shape (2 n_segments,)
         [m]
     cov : array, shape (2 n_segments, 2 n_segments)
-        (L1 - L2) C (L1 - L2)^T, C the covariance of the shared measurements [m^2].
+        (L1 - L2) C (L1 - L2)^T, C the covariance of the shared measurements, tares included; plus
+        what the CAD values of the feet add to Cramer [m^2].
     p : float
         Probability of a difference at least as large.
     """
@@ -94,10 +96,15 @@ def route_difference(
         n = fit.groups[g].cov.shape[1]
         by_paper[g][i] = paper.sensitivity[:, column : column + n]
         column += n
-    cov = np.zeros((width, width))
-    for group, sensitivity, L1 in zip(fit.groups, fit.sensitivity, by_paper, strict=True):
+    cov, shared = paper.cov_cad.copy(), 0.0
+    roots = shared_roots(fit.groups)
+    for group, sensitivity, L1, root in zip(
+        fit.groups, fit.sensitivity, by_paper, roots, strict=True
+    ):
         D = L1 - to_segments @ sensitivity
         cov += np.einsum("nij,njk,nlk->il", D, group.cov, D, optimize=True)
+        shared = shared + D.sum(axis=0) @ root
+    cov += shared @ np.transpose(shared)
     best = paper.choices[0].w
     cramer = np.stack([best.imag, best.real], axis=1).ravel()
     lstsq = np.stack([w.imag, w.real], axis=1).ravel()

@@ -116,6 +116,7 @@ def _pick(group: Group, keep: Sequence[bool]) -> Group:
     return replace(
         group,
         rows=tuple(r for r, k in zip(group.rows, keep, strict=True) if k),
+        where=tuple(w for w, k in zip(group.where, keep, strict=True) if k),
         w=group.w[mask],
         q=group.q[mask],
         cov=group.cov[mask],

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from comcal.errors import DataError
 from comcal.identify.unknowns import Unknowns
-from comcal.measure.plan import NONE
 from comcal.measure.table import PoseTable
 from comcal.robot.frames import apply, skew
 from comcal.robot.model import Robot
@@ -22,12 +22,19 @@ from comcal.statics.balance import (
     residual,
 )
 from comcal.statics.stance import stance_frame
-from comcal.statics.support import Carrier, carrier_of, loaded_wrenches
+from comcal.statics.support import (
+    Carrier,
+    loaded_wrenches,
+    measured_supports,
+    tare_covariances,
+)
 
 SAME_FLOOR = 4.0
 """Force directions closer than this many standard deviations may belong to one floor."""
 ROUNDING = 1e-12
 """The same for exact data."""
+EXACT = 1e-12
+"""Smallest eigenvalue of the rows' correlation matrix that can be inverted: what rounding makes."""
 
 
 @dataclass(frozen=True)
@@ -40,20 +47,26 @@ class Group:
     ----------
     rows : tuple of int
         Row numbers in the pose table.
+    where : tuple of str
+        The same for messages.
     w : array, shape (N, n_sensors, 6)
         Ground on robot, in and about each sensor's frame [N, N m].
     q : array, shape (N, n_joints)
         [rad] or [m]
     cov : array, shape (N, n_inputs, n_inputs)
+    tare_cov : array, shape (n_sensors, 6, 6)
+        Covariance of each loaded sensor's tare, one error for all poses; not contained in ``cov``.
     below_mass : float
         Mass below the loaded cuts [kg]: part of the robot, not of what is carried.
     """
 
     carrier: Carrier
     rows: tuple[int, ...]
+    where: tuple[str, ...]
     w: Array
     q: Array
     cov: Array
+    tare_cov: Array
     below_mass: float
 
     @property
@@ -68,12 +81,20 @@ class Group:
 
 
 def groups_of(robot: Robot, table: PoseTable) -> tuple[Group, ...]:
-    """Split a table by support; hanging poses carry no whole-robot rows and are left out."""
+    """Split a table by support.
+
+    Hanging poses carry no whole-robot rows and are left out, and so are poses without a wrench
+    whose CoM is given instead.
+
+    Raises
+    ------
+    ConfigError, MissingColumnError, NotFiniteError, DataError
+        If the wrench or the error of a loaded sensor is not known.
+    """
     groups: list[Group] = []
-    for support in sorted(set(table.support) - {NONE}):
-        rows = tuple(i for i, s in enumerate(table.support) if s == support)
-        part = table.select(rows)
-        carrier = carrier_of(robot, support)
+    for carrier, index in measured_supports(robot, table):
+        rows = tuple(int(i) for i in index)
+        part = table.select(index)
         w, w_cov = loaded_wrenches(carrier, part)
         width = 6 * w.shape[1]
         cov = np.zeros((len(rows), width + part.q.shape[1], width + part.q.shape[1]))
@@ -83,7 +104,9 @@ def groups_of(robot: Robot, table: PoseTable) -> tuple[Group, ...]:
         angles = np.arange(width, cov.shape[1])
         cov[:, angles, angles] = part.q_cov
         below = float(robot.tree.masses[~carrier.carried].sum())
-        groups.append(Group(carrier, rows, w, part.q, cov, below))
+        where = tuple(table.where(i) for i in rows)
+        tare_cov = tare_covariances(carrier, table)
+        groups.append(Group(carrier, rows, where, w, part.q, cov, tare_cov, below))
     return tuple(groups)
 
 
@@ -100,7 +123,7 @@ class Linearised:
     B : array, shape (N, 4, n_inputs)
         With respect to the inputs.
     W : array, shape (N, 4, 4)
-        Inverse covariance of the rows.
+        Inverse covariance of the rows, apart from what tares have in common.
     balance : Balance
         The point of linearisation.
     """
@@ -115,17 +138,41 @@ class Linearised:
 def linearise(
     robot: Robot, unknowns: Unknowns, group: Group, theta: Array, inputs: Array
 ) -> Linearised:
-    """Linearise the balance of one group at *theta* and (adjusted) *inputs*."""
+    """Linearise the balance of one group at *theta* and (adjusted) *inputs*.
+
+    Raises
+    ------
+    DataError
+        If the stated errors leave a row, or a sum of rows, of some pose exact.
+    """
     w, q = group.split(inputs)
     h = unknowns.moments(theta)
     balance = balance_at(robot, group.carrier, q, w)
     B_w, B_q = input_jacobian(balance, h)
     B = np.concatenate([B_w.reshape(len(w), 4, -1), B_q], axis=2)
-    W: Array = np.asarray(np.linalg.inv(B @ group.cov @ np.swapaxes(B, 1, 2)), np.float64)
+    W = _weights(B @ group.cov @ np.swapaxes(B, 1, 2), group)
     at_point = residual(balance, theta[0] - group.below_mass, h)
     misclosure = at_point + np.einsum("nij,nj->ni", B, group.inputs - inputs)
     A = regressor(balance, unknowns, balance.direction)
     return Linearised(misclosure, A, B, W, balance)
+
+
+def _weights(cov: Array, group: Group) -> Array:
+    """Invert the covariance of every pose's rows, shape (N, 4, 4)."""
+    sigma = np.sqrt(np.einsum("nii->ni", cov))
+    unit = sigma[:, :, None] * sigma[:, None]
+    correlation = np.divide(cov, unit, out=np.zeros_like(cov), where=unit > 0.0)
+    smallest = np.linalg.eigvalsh(correlation)[:, 0]
+    i = int(np.argmin(smallest))
+    if not smallest[i] > EXACT:
+        raise DataError(
+            "the stated errors make a sum of forces and moments exact, which cannot be weighed",
+            where=group.where[i],
+            measured=f"smallest eigenvalue of the rows' correlation {smallest[i]:.1g}",
+            limit=f"{EXACT:g}",
+            next_step="check se.* and cov.* of its sensors, and noise in robot.yaml",
+        )
+    return np.asarray(np.linalg.inv(cov), np.float64)
 
 
 def structure_of(linear: Linearised, unknowns: Unknowns, group: Group) -> tuple[Array, Array]:

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from comcal.measure.table import PoseTable
+from comcal.robot.frames import apply
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
 from comcal.statics.coefficients import coefficients_from_wrench, total_wrench
@@ -29,7 +31,7 @@ SMALL_STEP = 1e-5
 """The same for joint positions [rad] or [m], CoMs [m] and CAD values [kg, m]."""
 
 CAD_NAMES = ("m_u", "r_u", "l_u", "U")
-"""What the two-pose formula takes from CAD, in this order."""
+"""What the route takes from CAD, in this order: mass, x and z of the feet, height of the ankles."""
 
 
 @dataclass(frozen=True)
@@ -39,23 +41,37 @@ class Shape:
     Parameters
     ----------
     given : bool
-        True: the inputs of its single row are the CoM in P, then the angles.
+        True: the inputs of its single row are the CoM, then the angles.
         False: those of each row are the loaded wrenches, then the angles.
     inputs : tuple of array
         One per row of the configuration.
     covs : tuple of array
-        Their covariances.
+        Their covariances; NaN where the error of a given CoM is not known.
+    com_link : int or None
+        Link in whose frame the CoM is given; None: in P.
+    com_known : array of bool, shape (3,)
+        Components of the CoM in P that are known.
     """
 
     configuration: Configuration
     given: bool
     inputs: tuple[Array, ...]
     covs: tuple[Array, ...]
+    com_link: int | None = None
+    com_known: npt.NDArray[np.bool_] = field(default_factory=lambda: np.ones(3, np.bool_))
 
     @property
     def width(self) -> int:
         """Number of inputs over all rows."""
         return sum(len(x) for x in self.inputs)
+
+    @property
+    def feet(self) -> npt.NDArray[np.bool_]:
+        """Links on the feet's side of the ankles that the total CoM counts, shape (n_links,)."""
+        counted = np.ones_like(self.configuration.foot_side)
+        return self.configuration.foot_side & (
+            counted if self.given else self.configuration.carrier.carried
+        )
 
 
 def shape_from_wrenches(configuration: Configuration, table: PoseTable) -> Shape:
@@ -67,24 +83,42 @@ def shape_from_wrenches(configuration: Configuration, table: PoseTable) -> Shape
     return Shape(configuration, False, tuple(inputs), tuple(covs))
 
 
-def shape_from_com(configuration: Configuration, table: PoseTable) -> Shape:
-    """Return the inputs of a configuration whose total CoM is known by other means."""
+def shape_from_com(configuration: Configuration, table: PoseTable, com_link: int | None) -> Shape:
+    """Return the inputs of a configuration whose total CoM is known by other means.
+
+    Parameters
+    ----------
+    configuration : Configuration
+    table : PoseTable
+    com_link : int or None
+        Link in whose frame the CoM is given; None: in P, where y may be missing.
+    """
     row = configuration.rows[0]
-    inputs = np.concatenate([np.nan_to_num(table.com[row]), table.q[row]])
-    variance = np.concatenate([np.nan_to_num(table.com_var[row]), table.q_cov[row]])
-    return Shape(configuration, True, (inputs,), (np.diag(variance),))
+    known = np.isfinite(table.com[row])
+    # An error that is not stated is unknown, not zero.
+    com_var = np.where(table.com_var[row] > 0.0, table.com_var[row], np.nan)
+    inputs = np.concatenate([np.where(known, table.com[row], 0.0), table.q[row]])
+    variance = np.concatenate([np.where(known, com_var, 0.0), table.q_cov[row]])
+    return Shape(configuration, True, (inputs,), (np.diag(variance),), com_link, known)
 
 
 @dataclass(frozen=True)
 class Model:
     """Total CoM of every shape and CoM of every segment, for any inputs of the given layout.
 
-    The outputs are, in this order: carried CoM of each shape (3), r and l of every segment for
-    each choice, misfit (x, z) of each choice's checking configuration. All in P [m].
+    The outputs are, in this order: CoM of each shape (3; of what is carried, or of the whole robot
+    where it is given), r and l of every segment for each choice, misfit (x, z) of each choice's
+    checking configuration. All in P [m].
+
+    Parameters
+    ----------
+    tare_cov : mapping from sensor name to array, shape (6, 6)
+        Covariance of each tare: one error in all poses.
     """
 
     robot: Robot
     shapes: tuple[Shape, ...]
+    tare_cov: Mapping[str, Array]
     chain: PlanarChain | None = None
     choices: tuple[Choice, ...] = ()
 
@@ -96,14 +130,17 @@ class Model:
     @property
     def cov(self) -> Array:
         """Their covariance, shape (n_inputs, n_inputs)."""
-        return _block_diagonal([c for shape in self.shapes for c in shape.covs])
+        cov = _block_diagonal([c for shape in self.shapes for c in shape.covs])
+        for sensor, tare in self.tare_cov.items():
+            hit = self._inputs_of(sensor)
+            cov += hit @ tare @ hit.T
+        return cov
 
     @property
     def cad_sigma(self) -> Array:
         """Sigma of the CAD values of ``CAD_NAMES``, from the robot's tolerances, shape (4,)."""
         tree, tolerances = self.robot.tree, self.robot.tolerances
-        feet = self.shapes[0].configuration
-        masses = tree.masses[feet.foot_side & feet.carrier.carried]
+        masses = tree.masses[self.shapes[0].feet]
         total = float(masses.sum())
         share = float(np.linalg.norm(masses)) / total if total > 0 else 0.0
         com = tolerances.link_com * share
@@ -153,6 +190,19 @@ class Model:
         J = ((y[:k] - y[k : 2 * k]) / (2 * steps[:, None])).T
         return y[-1], J[:, :n], J[:, n:]
 
+    def _inputs_of(self, sensor: str) -> Array:
+        """Return which inputs a change of one sensor's six channels changes, (n_inputs, 6)."""
+        rows: list[Array] = []
+        for shape in self.shapes:
+            sensors = () if shape.given else shape.configuration.carrier.sensors
+            for x in shape.inputs:
+                hit = np.zeros((len(x), 6))
+                if sensor in sensors:
+                    at = 6 * sensors.index(sensor)
+                    hit[at : at + 6] = np.eye(6)
+                rows.append(hit)
+        return np.concatenate(rows)
+
     def _steps(self) -> Array:
         n_joints = len(self.robot.tree.joint_names)
         steps: list[Array] = []
@@ -171,43 +221,59 @@ class Model:
         tree, carrier = self.robot.tree, shape.configuration.carrier
         n_joints, batch = len(tree.joint_names), len(inputs)
         if shape.given:
-            mass = np.full(batch, tree.total_mass)
-            return inputs[:, :3], mass, inputs[:, 3:], np.zeros(batch, np.complex128)
+            q = inputs[:, None, 3:]
+            mass = tree.total_mass + cad[:, 0]
+            com = _given_com(self.robot, shape, inputs[:, :3], q[:, 0])
+            return com, mass, q[:, 0], self._shift(shape, q, cad)
         rows = inputs.reshape(batch, len(shape.inputs), -1)
         w = rows[..., :-n_joints].reshape(batch * rows.shape[1], -1, 6)
         q = rows[..., -n_joints:]
         w_P = total_wrench(self.robot, carrier, q.reshape(-1, n_joints), w)
         w_P = w_P.reshape(batch, -1, 6)
         mass = np.mean(np.linalg.norm(w_P[..., :3], axis=-1), axis=1) / self.robot.gravity
-        foot = foot_side_values(self.robot, shape.configuration, q[:, 0], cad)
+        foot = foot_side_values(self.robot, shape, q, cad)
         tilts = tilts_from_angles(self.robot, shape.configuration, q)
         com = total_com(coefficients_from_wrench(w_P), mass, tilts, foot)
-        nominal = foot_side_values(self.robot, shape.configuration, q[:, 0], np.zeros((1, 4)))
-        shift = foot.mass * (foot.l + 1j * foot.r) - nominal.mass * (nominal.l + 1j * nominal.r)
-        return com, mass, q[:, 0], shift
+        return com, mass, q[:, 0], self._shift(shape, q, cad)
+
+    def _shift(self, shape: Shape, q: Array, cad: Array) -> ComplexArray:
+        """Return by how much the feet's first moment deviates from CAD, z + j x, shape (B,)."""
+        foot = foot_side_values(self.robot, shape, q[:, :1], cad)
+        nominal = foot_side_values(self.robot, shape, q[:, :1], np.zeros((1, 4)))
+        moment, as_in_cad = (f.mass * (f.l[:, 0] + 1j * f.r[:, 0]) for f in (foot, nominal))
+        return moment - as_in_cad
 
 
-def foot_side_values(robot: Robot, configuration: Configuration, q: Array, cad: Array) -> FootSide:
-    """Return m_u, r_u, l_u, A and U of a batch of postures, deviations of CAD added.
+def foot_side_values(robot: Robot, shape: Shape, q: Array, cad: Array) -> FootSide:
+    """Return m_u, r_u, l_u, A and U of a batch of shapes in K poses, deviations of CAD added.
 
     Parameters
     ----------
-    q : array, shape (B, n_joints)
+    q : array, shape (B, K, n_joints)
     cad : array, shape (B or 1, 4)
     """
-    at = placed_in_stance(robot, configuration.carrier, q)
-    masses = robot.tree.masses * (configuration.foot_side & configuration.carrier.carried)
+    carrier = shape.configuration.carrier
+    at = placed_in_stance(robot, carrier, q.reshape(-1, q.shape[-1]))
+    masses = robot.tree.masses * shape.feet
     m_u = float(masses.sum())
     moment = np.einsum("k,nki->ni", masses, at.coms)
-    com = moment / m_u if m_u > 0 else np.zeros_like(moment)
-    ankle = ankle_point(robot, configuration.carrier, at)
+    com = (moment / m_u if m_u > 0 else np.zeros_like(moment)).reshape(*q.shape[:2], 3)
+    ankle = ankle_point(robot, carrier, at).reshape(*q.shape[:2], 3)
     return FootSide(
         mass=m_u + cad[:, 0],
-        r=com[:, 0] + cad[:, 1],
-        l=com[:, 2] + cad[:, 2],
-        ankle_x=ankle[:, 0],
-        ankle_z=ankle[:, 2] + cad[:, 3],
+        r=com[..., 0] + cad[:, 1, None],
+        l=com[..., 2] + cad[:, 2, None],
+        ankle_x=ankle[..., 0],
+        ankle_z=ankle[..., 2] + cad[:, 3, None],
     )
+
+
+def _given_com(robot: Robot, shape: Shape, com: Array, q: Array) -> Array:
+    """Return a given CoM in P, shape (B, 3)."""
+    if shape.com_link is None:
+        return com
+    at = placed_in_stance(robot, shape.configuration.carrier, q)
+    return apply(at.R[:, shape.com_link], com) + at.p[:, shape.com_link]
 
 
 def _block_diagonal(blocks: Sequence[Array]) -> Array:

@@ -16,6 +16,7 @@ from comcal.identify.paper_model import (
     shape_from_wrenches,
 )
 from comcal.measure.plan import NONE
+from comcal.measure.pose_cells import STANCE_FRAME
 from comcal.measure.table import PoseTable
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
@@ -28,7 +29,7 @@ from comcal.statics.configurations import (
 )
 from comcal.statics.cramer import Choice, choices_of
 from comcal.statics.planar import ComplexArray, PlanarChain, placed_configurations, planar_chain
-from comcal.statics.support import carrier_of
+from comcal.statics.support import Carrier, standing_feet
 from comcal.statics.two_pose import MIN_TILT, height_gain, spread
 
 
@@ -39,7 +40,7 @@ class ConfigurationCom:
     Parameters
     ----------
     xyz, carried_xyz : array, shape (3,)
-        Of the whole robot and of what the sensors carry, in P [m].
+        Of the whole robot and of what the sensors carry, in P [m]; NaN where not given.
     cov, cov_cad : array, shape (3, 3)
         From measurement noise, and from the CAD values of the feet; they add up.
     tilt : float
@@ -102,6 +103,8 @@ class PaperRoute:
         Rows of the pose table whose inputs were used, in the order of ``sensitivity``.
     sensitivity : array, shape (2 n_segments, n_inputs)
         d(r, l by the best choice)/d(inputs).
+    cov_cad : array, shape (2 n_segments, 2 n_segments)
+        Of r and l by the best choice, from CAD alone [m^2].
     """
 
     totals: tuple[ConfigurationCom, ...]
@@ -111,36 +114,30 @@ class PaperRoute:
     reason: str
     rows: tuple[int, ...]
     sensitivity: Array
+    cov_cad: Array
 
 
 def paper_route(robot: Robot, table: PoseTable) -> PaperRoute:
     """Run the paper's route on every configuration of *table*.
 
     A configuration counts when its total CoM is given, or when it was measured at two tilts or on
-    two slopes. Given CoMs win: the solution then starts there, without force sensors.
+    two slopes. Given CoMs win: the solution then starts there, without force sensors, and says
+    nothing of poses that only have wrenches.
 
     Raises
     ------
-    MissingColumnError
-        If a loaded sensor has no wrench in the table.
+    MissingColumnError, NotFiniteError, DataError
+        If the wrench or the error of a loaded sensor is not known.
     """
+    nothing = np.zeros((0, 0))
     shapes, refused = given_shapes(robot, table), list[ComcalError]()
     if not shapes:
-        found, not_rigid = find_configurations(robot, table)
-        refused.extend(not_rigid)
-        if found:
-            coefficients = balance_coefficients(robot, table)
-            for configuration in found:
-                alike = _too_alike(table, configuration, coefficients.values, coefficients.rows)
-                if alike is not None:
-                    refused.append(alike)
-                else:
-                    shapes.append(shape_from_wrenches(configuration, table))
+        shapes, refused = _measured_shapes(robot, table)
     if not shapes:
         why = str(refused[0]) if refused else "no two poses share a value of 'configuration'"
-        return PaperRoute((), tuple(refused), None, (), why, (), np.zeros((0, 0)))
+        return PaperRoute((), tuple(refused), None, (), why, (), nothing, nothing)
     chain, choices, reason = _chain_and_choices(robot, shapes)
-    model = Model(robot, tuple(shapes), chain, choices)
+    model = Model(robot, tuple(shapes), table.tare_cov, chain, choices)
     value, by_input, by_cad = model.differentiate()
     cov = by_input @ model.cov @ by_input.T
     cov_cad = (by_cad * model.cad_sigma**2) @ by_cad.T
@@ -152,24 +149,54 @@ def paper_route(robot: Robot, table: PoseTable) -> PaperRoute:
         for i, choice in enumerate(choices)
     )
     rows = tuple(row for shape in shapes for row in shape.configuration.rows)
+    best = slice(first, first + width)
     return PaperRoute(
-        totals, tuple(refused), chain, results, reason, rows, by_input[first : first + width]
+        totals=totals,
+        refused=tuple(refused),
+        chain=chain,
+        choices=results,
+        reason=reason,
+        rows=rows,
+        sensitivity=by_input[best],
+        cov_cad=cov_cad[best, best],
     )
 
 
 def given_shapes(robot: Robot, table: PoseTable) -> list[Shape]:
-    """Return the poses whose CoM is given in x and z of P, each as a configuration of its own."""
+    """Return the poses whose CoM is given, each as a configuration of its own.
+
+    In P, x and z suffice; in the frame of a link all three are needed. No force sensor is.
+    """
+    in_P = table.com_frame == STANCE_FRAME
+    com_link = None if in_P else robot.tree.link_index[table.com_frame]
+    everything = np.ones(len(robot.tree.links), dtype=np.bool_)
     shapes: list[Shape] = []
     for i, support in enumerate(table.support):
-        known = bool(np.all(np.isfinite(table.com[i, [0, 2]])))
-        if known and support != NONE and table.com_frame == "P":
-            carrier = carrier_of(robot, support)
+        known = np.isfinite(table.com[i])
+        if support != NONE and known[[0, 2]].all() and (in_P or known[1]):
+            carrier = Carrier(support, standing_feet(robot, support), (), (), everything)
             name = table.configuration[i] or str(table.pose[i])
             side = foot_side_links(robot, carrier)
-            shapes.append(
-                shape_from_com(Configuration(name, carrier, (i,), np.zeros(1), side), table)
-            )
+            configuration = Configuration(name, carrier, (i,), np.zeros(1), side)
+            shapes.append(shape_from_com(configuration, table, com_link))
     return shapes
+
+
+def _measured_shapes(robot: Robot, table: PoseTable) -> tuple[list[Shape], list[ComcalError]]:
+    """Return the configurations whose wrenches give a height, and why others do not."""
+    if not any(table.configuration):
+        return [], []
+    coefficients = balance_coefficients(robot, table)
+    found, not_rigid = find_configurations(robot, table, coefficients.rows)
+    shapes: list[Shape] = []
+    refused: list[ComcalError] = list(not_rigid)
+    for configuration in found:
+        alike = _too_alike(table, configuration, coefficients.values, coefficients.rows)
+        if alike is None:
+            shapes.append(shape_from_wrenches(configuration, table))
+        else:
+            refused.append(alike)
+    return shapes, refused
 
 
 def _too_alike(
@@ -198,12 +225,11 @@ def _chain_and_choices(
     carried = configurations[0].carrier.carried
     if any(not np.array_equal(c.carrier.carried, carried) for c in configurations):
         return None, (), "the configurations do not all load the same sensors"
-    counted = np.ones_like(carried) if shapes[0].given else carried
     n_joints = len(robot.tree.joint_names)
     q = np.stack([shape.inputs[0][-n_joints:] for shape in shapes])
     placed = placed_configurations(robot, configurations, q)
     try:
-        chain = planar_chain(robot, configurations, placed, counted)
+        chain = planar_chain(robot, configurations, placed, carried)
         return chain, choices_of(chain, placed), ""
     except RankError as error:
         return None, (), str(error)
@@ -212,8 +238,8 @@ def _chain_and_choices(
 def _alpha_noise(model: Model) -> Array:
     """Return unit errors of alpha as changes of the inputs, shape (n_inputs, n_rows).
 
-    An error of alpha is an error of the moment about P's y axis: it is shared by the loaded
-    sensors, in proportion one.
+    An error of alpha is an error of the moment about P's y axis, whichever loaded sensor makes it:
+    here the first. Where the CoM is given it is an error of x.
     """
     columns: list[Array] = []
     n, at = len(model.inputs), 0
@@ -221,13 +247,13 @@ def _alpha_noise(model: Model) -> Array:
         robot, carrier = model.robot, shape.configuration.carrier
         for x in shape.inputs:
             column = np.zeros(n)
+            q = x[-len(robot.tree.joint_names) :][None]
+            placed = placed_in_stance(robot, carrier, q)
+            frame = shape.com_link if shape.given else carrier.frames[0]
+            R = np.eye(3) if frame is None else placed.R[0, frame]
             if shape.given:
-                column[at] = 1.0
+                column[at : at + 3] = R.T @ [1.0, 0.0, 0.0]
             else:
-                q = x[-len(robot.tree.joint_names) :][None]
-                placed = placed_in_stance(robot, carrier, q)
-                frame = carrier.frames[0]
-                R = np.eye(3) if frame is None else placed.R[0, frame]
                 weight = -robot.gravity * robot.tree.masses[carrier.carried].sum()
                 column[at + 3 : at + 6] = R.T @ [0.0, weight, 0.0]
             columns.append(column)
@@ -248,16 +274,16 @@ def _total(
     at = slice(3 * index, 3 * index + 3)
     carried = value[at]
     if shape.given:
-        nan = float("nan")
+        known, nothing = shape.com_known, np.full((3, 3), np.nan)
         return ConfigurationCom(
-            configuration,
-            carried,
-            np.full(3, nan),
-            cov[at, at],
-            np.zeros((3, 3)),
-            nan,
-            nan,
-            "given",
+            configuration=configuration,
+            xyz=np.where(known, carried, np.nan),
+            carried_xyz=nothing[0],
+            cov=np.where(np.outer(known, known), cov[at, at], np.nan),
+            cov_cad=np.where(np.outer(known, known), cov_cad[at, at], np.nan),
+            tilt=float("nan"),
+            gain=float("nan"),
+            by="given",
         )
     q = table.q[configuration.rows[0]][None]
     placed = placed_in_stance(robot, configuration.carrier, q)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from comcal.identify.adjust import Adjustment
-from comcal.identify.cad_inputs import cad_input_cov
+from comcal.identify.cad_inputs import cad_inputs
 from comcal.identify.solution import SEEN_SHARE, total_com_at
 from comcal.identify.unknowns import AXES
 from comcal.measure.plan import PlannedPose
@@ -90,7 +90,8 @@ def estimates(fit: Adjustment, quantities: Quantities) -> Estimates:
         Links among the free ones of *fit*.
     """
     tree = fit.unknowns.robot.tree
-    cov = fit.cov + fit.cov_cad + cad_input_cov(fit)
+    inputs = cad_inputs(fit)
+    cov = fit.cov + fit.cov_cad + inputs.cov
     value: list[float] = []
     variance: list[float] = []
     share: list[float] = []
@@ -104,7 +105,7 @@ def estimates(fit: Adjustment, quantities: Quantities) -> Estimates:
     variance += (np.diag(cov)[columns] / np.square(masses)).tolist()
     share += fit.visibility(np.eye(fit.unknowns.size)[columns]).tolist()
     for _, pose in quantities.total_coms:
-        xyz, noise, cad = total_com_at(fit, pose.support, pose.q[None])
+        xyz, noise, cad = total_com_at(fit, inputs, pose.support, pose.q[None])
         value += xyz[0].tolist()
         variance += np.diag(noise[0] + cad[0]).tolist()
         share += [0.0, 0.0, 0.0]

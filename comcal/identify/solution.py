@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy.special import chdtrc
 
 from comcal.identify.adjust import Adjustment, adjust
+from comcal.identify.cad_inputs import CadInputs, cad_inputs
 from comcal.identify.held_out import HeldOut, held_out_error
 from comcal.identify.linearise import groups_of
 from comcal.identify.unknowns import Unknowns, unknowns_of
@@ -20,11 +21,13 @@ from comcal.robot.frames import apply
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
 from comcal.statics.configurations import placed_in_stance
+from comcal.statics.joint_slopes import joint_slopes
 from comcal.statics.support import Carrier, carrier_of
 
-SEEN_SHARE = 0.03
-"""A component counts as measured when less than this share of it lies in unseen directions: at
-CAD tolerances of 1 mm the unseen part is then below 0.03 mm."""
+SEEN_SHARE = 0.1
+"""A component counts as measured when less than this share of it lies in unseen directions. Noise
+turns those by a few per cent; the share of real sums is a quarter or more. What is left of them
+is part of the printed sigma, at the tolerance that CAD has."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +39,9 @@ class LinkCom:
     mass : float
         From the URDF [kg].
     com : array, shape (3,)
-        [m]; NaN where it is not determined by itself.
+        [m]; NaN where it is neither determined by itself nor taken from the URDF.
     cov : array, shape (3, 3)
-        [m^2]; NaN in rows and columns of components that are not determined.
+        [m^2], from noise and CAD; NaN in rows and columns of components without a value.
     identifiable : array of bool, shape (3,)
     source : tuple of str or None, length 3
         ``measured``; ``prior`` (URDF: links below a cut, negligible links); ``combination`` (only
@@ -81,7 +84,7 @@ class Solution:
     Parameters
     ----------
     mass, mass_sigma : float
-        Of the whole robot [kg].
+        Of the whole robot [kg]; sigma from noise and from the masses below the cuts.
     misfit_p : float
         Probability of a misfit at least as large if model and noise are right.
     """
@@ -104,22 +107,27 @@ def solve_all(robot: Robot, table: PoseTable) -> Solution:
     ------
     RankError
         If no pose loads a sensor.
-    MissingColumnError
-        If a loaded sensor has no wrench.
+    MissingColumnError, NotFiniteError, DataError
+        If the wrench or the error of a loaded sensor is not known.
     """
     groups = groups_of(robot, table)
     unknowns = unknowns_of(robot)
     fit = adjust(robot, unknowns, groups)
-    below = _below_cuts(robot)
+    inputs = cad_inputs(fit)
+    from_cad = inputs.cov
+    combinations = combinations_of(fit)
+    in_sums = {name for combination in combinations for name in combination.coefficients}
     return Solution(
         adjustment=fit,
         mass=float(fit.theta[0]),
-        mass_sigma=float(np.hypot(np.sqrt(fit.cov[0, 0]), below)),
-        links=tuple(_link(fit, k) for k in range(len(robot.tree.links))),
+        mass_sigma=float(np.sqrt(fit.cov[0, 0] + from_cad[0, 0])),
+        links=tuple(_link(fit, k, from_cad, in_sums) for k in range(len(robot.tree.links))),
         poses=tuple(
-            _pose(fit, table, i) for i, support in enumerate(table.support) if support != NONE
+            _pose(fit, inputs, table, i)
+            for i, support in enumerate(table.support)
+            if support != NONE
         ),
-        combinations=combinations_of(fit),
+        combinations=combinations,
         unseen=unseen_directions(fit),
         held_out=held_out_error(robot, unknowns, groups, fit.rank),
         misfit_p=float(chdtrc(fit.dof, fit.chi2)) if fit.dof > 0 else float("nan"),
@@ -128,8 +136,12 @@ def solve_all(robot: Robot, table: PoseTable) -> Solution:
 
 def total_com_functional(
     unknowns: Unknowns, carrier: Carrier, q: Array, *, whole: bool
-) -> tuple[Array, Array]:
-    """Return the first moment of a posture as an affine function of theta, in P.
+) -> tuple[Array, Array, Array]:
+    """Return the first moment about the root as an affine function of theta, in the axes of P.
+
+    The balance is one about the root's origin. Where the masses of the links do not add up to the
+    measured mass, only the moment about that point is determined; to move it takes the measured
+    mass, not the sum.
 
     Parameters
     ----------
@@ -142,6 +154,8 @@ def total_com_functional(
     L : array, shape (N, 3, size)
     known : array, shape (N, 3)
         First moment = L theta + known [kg m].
+    root : array, shape (N, 3)
+        Origin of the root link in P [m].
     """
     robot = unknowns.robot
     at = placed_in_stance(robot, carrier, q)
@@ -149,21 +163,27 @@ def total_com_functional(
     masses = robot.tree.masses * counted
     free = np.zeros(len(masses), dtype=np.bool_)
     free[list(unknowns.links)] = True
-    known = np.einsum("k,nki->ni", masses, at.p)
+    known = np.einsum("k,nki->ni", masses, at.p - at.p[:, :1])
     known += np.einsum("nkij,kj->ni", at.R, (masses * ~free)[:, None] * robot.tree.coms)
     L = np.zeros((len(q), 3, unknowns.size))
     for k in unknowns.links:
         column = unknowns.column(k)
         if counted[k] and column is not None:
             L[:, :, column : column + 3] = at.R[:, k]
-    return L, known
+    return L, known, at.p[:, 0]
 
 
-def total_com_at(fit: Adjustment, support: str, q: Array) -> tuple[Array, Array, Array]:
+def total_com_at(
+    fit: Adjustment, inputs: CadInputs, support: str, q: Array
+) -> tuple[Array, Array, Array]:
     """Return the whole robot's CoM at exactly known angles, in P.
 
     Parameters
     ----------
+    fit : Adjustment
+    inputs : CadInputs
+        Of the same fit.
+    support : str
     q : array, shape (N, n_joints)
 
     Returns
@@ -171,42 +191,41 @@ def total_com_at(fit: Adjustment, support: str, q: Array) -> tuple[Array, Array,
     xyz : array, shape (N, 3)
         [m]
     cov, cov_cad : array, shape (N, 3, 3)
-        From measurement noise, and from CAD along directions that the poses do not determine.
+        From measurement noise; and from CAD, along directions that the poses do not determine and
+        through the links whose values are taken from it.
     """
     unknowns = fit.unknowns
-    robot = unknowns.robot
-    carrier = carrier_of(robot, support)
-    L, known = total_com_functional(unknowns, carrier, q, whole=True)
+    tree = unknowns.robot.tree
+    carrier = carrier_of(unknowns.robot, support)
+    L, known, root = total_com_functional(unknowns, carrier, q, whole=True)
     mass = float(fit.theta[0])
-    xyz = (L @ fit.theta + known) / mass
+    xyz = root + (L @ fit.theta + known) / mass
     J = L / mass
-    J[:, :, 0] = -xyz / mass
+    J[:, :, 0] = -(xyz - root) / mass
+    # A CAD value enters through the fit, and again where the link itself is counted.
+    at, given = placed_in_stance(unknowns.robot, carrier, q), list(inputs.links)
+    by_mass = np.swapaxes(at.coms[:, given] - root[:, None], 1, 2)
+    by_com = at.R[:, given] * tree.masses[given, None, None]
+    direct = np.concatenate([by_mass, np.moveaxis(by_com, 1, 2).reshape(*xyz.shape, -1)], axis=2)
+    by_input = (J @ inputs.gain + direct / mass) * inputs.sigma
     Jt = np.swapaxes(J, 1, 2)
-    return xyz, J @ fit.cov @ Jt, J @ fit.cov_cad @ Jt
+    return xyz, J @ fit.cov @ Jt, J @ fit.cov_cad @ Jt + by_input @ np.swapaxes(by_input, 1, 2)
 
 
-def _below_cuts(robot: Robot) -> float:
-    """Return the sigma of the mass below the cuts of the standing feet, from CAD [kg]."""
-    masks = [robot.below_cut[f.sensor] for f in robot.feet.values() if f.sensor is not None]
-    if not masks:
-        return 0.0
-    masses = robot.tree.masses[np.any(masks, axis=0)]
-    return robot.tolerances.link_mass * float(np.linalg.norm(masses))
-
-
-def _link(fit: Adjustment, k: int) -> LinkCom:
+def _link(fit: Adjustment, k: int, from_cad: Array, in_sums: set[str]) -> LinkCom:
     unknowns = fit.unknowns
     robot = unknowns.robot
     link = robot.tree.links[k]
     column = unknowns.column(k)
     if column is None:
-        sigma = robot.tolerances.link_com
-        source = "prior" if link.has_inertial else None
+        known = link.has_inertial
+        source = "prior" if known else None
+        nothing = np.full((3, 3), np.nan)
         return LinkCom(
             link=link.name,
             mass=link.mass,
-            com=link.com,
-            cov=np.eye(3) * sigma**2,
+            com=link.com if known else nothing[0],
+            cov=np.eye(3) * robot.tolerances.link_com**2 if known else nothing,
             identifiable=np.zeros(3, np.bool_),
             source=(source, source, source),
         )
@@ -214,34 +233,30 @@ def _link(fit: Adjustment, k: int) -> LinkCom:
     hidden = fit.visibility(np.eye(unknowns.size)[at])
     seen = hidden < SEEN_SHARE
     both = np.outer(seen, seen)
-    names: list[str | None] = []
-    for is_seen, share in zip(seen, hidden, strict=True):
-        names.append(
-            "measured" if is_seen else "combination" if share < 1 - SEEN_SHARE**2 else None
-        )
+    names = [
+        "measured" if is_seen else "combination" if name in in_sums else None
+        for is_seen, name in zip(seen, unknowns.names[at], strict=True)
+    ]
     return LinkCom(
         link=link.name,
         mass=link.mass,
         com=np.where(seen, fit.theta[at] / link.mass, np.nan),
-        cov=np.where(both, (fit.cov + fit.cov_cad)[at, at] / link.mass**2, np.nan),
+        cov=np.where(both, (fit.cov + fit.cov_cad + from_cad)[at, at] / link.mass**2, np.nan),
         identifiable=seen,
         source=(names[0], names[1], names[2]),
     )
 
 
-def _pose(fit: Adjustment, table: PoseTable, i: int) -> PoseCom:
+def _pose(fit: Adjustment, inputs: CadInputs, table: PoseTable, i: int) -> PoseCom:
     unknowns = fit.unknowns
     robot = unknowns.robot
     q, support = table.q[i][None], table.support[i]
     carrier = carrier_of(robot, support)
-    xyz, cov, cov_cad = total_com_at(fit, support, q)
-    L, known = total_com_functional(unknowns, carrier, q, whole=False)
+    xyz, cov, cov_cad = total_com_at(fit, inputs, support, q)
+    L, known, root = total_com_functional(unknowns, carrier, q, whole=False)
     below = float(robot.tree.masses[~carrier.carried].sum())
-    carried = (L @ fit.theta + known) / (float(fit.theta[0]) - below)
-    step = 1e-6
-    moves = np.vstack([np.eye(q.shape[1]), -np.eye(q.shape[1])]) * step
-    moved, _, _ = total_com_at(fit, support, q + moves)
-    J = (moved[: q.shape[1]] - moved[q.shape[1] :]).T / (2 * step)
+    carried = root + (L @ fit.theta + known) / (float(fit.theta[0]) - below)
+    J = joint_slopes(lambda moved: total_com_at(fit, inputs, support, moved)[0], q)[0]
     encoder = (J * table.q_cov[i]) @ J.T
     return PoseCom(i, table.pose[i], xyz[0], carried[0], cov[0] + encoder, cov_cad[0])
 

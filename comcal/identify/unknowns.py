@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
@@ -86,19 +85,11 @@ class Unknowns:
         return 1 + 3 * self.links.index(link) if link in self.links else None
 
 
-def unknowns_of(robot: Robot, carried: npt.NDArray[np.bool_] | None = None) -> Unknowns:
-    """Return what is free on *robot*.
-
-    Parameters
-    ----------
-    carried : array of bool, shape (n_links,), optional
-        Links that any pose of the session carries; others cannot be seen and are left out.
-    """
+def unknowns_of(robot: Robot) -> Unknowns:
+    """Return what is free on *robot*."""
     tree = robot.tree
     free = np.abs(tree.masses) > NEGLIGIBLE_MASS * tree.total_mass
     for sensor, below in robot.below_cut.items():
         if any(foot.sensor == sensor for foot in robot.feet.values()):
             free &= ~below
-    if carried is not None:
-        free &= carried
     return Unknowns(robot, tuple(int(k) for k in np.flatnonzero(free)))

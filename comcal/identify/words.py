@@ -3,17 +3,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
+from comcal.errors import ConfigError
 from comcal.identify.adjust import Adjustment
+from comcal.identify.cad_inputs import cad_inputs
 from comcal.identify.linearise import Group, regressor
 from comcal.identify.unknowns import Unknowns
 from comcal.robot.frames import apply, rotation_about
+from comcal.robot.model import Robot
 from comcal.robot.tree import Array
 from comcal.statics.balance import balance_at
 from comcal.statics.configurations import foot_side_links
+from comcal.statics.stance import stance_frame
 from comcal.statics.support import Carrier, carrier_of
 
 SMALL_SHARE = 0.1
@@ -21,7 +27,11 @@ SMALL_SHARE = 0.1
 SMALL_COEFFICIENT = 0.02
 """... and are, when their plain coefficient against that of the largest part is below this."""
 SHOWN = 0.01
-"""A trial pose shows a direction when its rows react to it with this share of their size."""
+"""A trial pose shows a direction when it reacts to it with this share of what it could, ..."""
+MORE_THAN_BEFORE = 3.0
+"""... and by this factor more than the poses there are, which react to it by noise."""
+BENT_TOGETHER = 4
+"""Trial poses in which all joints are bent."""
 TRIAL_BEND = 0.5
 """Angle by which a trial pose bends one joint [rad], or metres by which it moves a slide."""
 TRIAL_SLOPE = 0.2
@@ -39,7 +49,7 @@ class Combination:
     coefficients : mapping
         By name of the unknown.
     value, sigma : float
-        [kg m], or [kg] for the mass.
+        [kg m], or [kg] for the mass; sigma from noise and CAD, small parts left out included.
     """
 
     words: str
@@ -74,6 +84,7 @@ def combinations_of(adjustment: Adjustment) -> tuple[Combination, ...]:
     that what is merged is named by the link nearest to the root.
     """
     unknowns = adjustment.unknowns
+    cov = adjustment.cov + adjustment.cov_cad + cad_inputs(adjustment).cov
     rows = _eliminate(adjustment.seen.T, range(unknowns.size)) / unknowns.scale
     found: list[Combination] = []
     for row in rows:
@@ -86,7 +97,7 @@ def combinations_of(adjustment: Adjustment) -> tuple[Combination, ...]:
                 words=_sum_in_words(unknowns, row),
                 coefficients={n: float(c) for n, c in zip(unknowns.names, row, strict=True) if c},
                 value=float(row @ adjustment.theta),
-                sigma=float(np.sqrt(row @ adjustment.cov @ row)),
+                sigma=float(np.sqrt(row @ cov @ row)),
             )
         )
     return tuple(found)
@@ -95,35 +106,49 @@ def combinations_of(adjustment: Adjustment) -> tuple[Combination, ...]:
 def unseen_directions(adjustment: Adjustment) -> tuple[Unseen, ...]:
     """Return every direction the poses do not determine, with the pose that would show it."""
     unknowns = adjustment.unknowns
+    if not adjustment.unseen.size:
+        return ()
     order = list(range(unknowns.size))[::-1]
+    trials = _Trials.of(adjustment)
     found: list[Unseen] = []
     for row in _eliminate(adjustment.unseen.T, order):
-        row = np.where(np.abs(row) < SMALL_SHARE * np.max(np.abs(row)), 0.0, row)
-        parts = [unknowns.names[i] for i in np.flatnonzero(row)]
+        large = np.abs(row) >= SMALL_SHARE * np.max(np.abs(row))
+        parts = [unknowns.names[i] for i in np.flatnonzero(large)]
         if len(parts) == 1:
             words = f"{parts[0]} is not seen at all"
         else:
             words = f"{' against '.join(parts)}: they change together unnoticed"
-        found.append(Unseen(words, _remedy(adjustment, row * unknowns.scale), tuple(parts)))
+        remedy = trials.remedy(row * unknowns.scale, large)
+        found.append(Unseen(words, remedy, tuple(parts)))
     return tuple(found)
 
 
 def _eliminate(rows: Array, order: range | list[int]) -> Array:
-    """Bring *rows* to reduced echelon form, taking pivot columns in *order* where they are fit."""
+    """Bring *rows* to reduced echelon form, taking pivot columns in *order* where they are fit.
+
+    Rows in which no column is, take their largest.
+    """
     rows = rows.copy()
     pivot = 0
     for column in order:
         if pivot == len(rows):
             break
         best = pivot + int(np.argmax(np.abs(rows[pivot:, column])))
-        if abs(rows[best, column]) < SMALL_SHARE:
-            continue
-        rows[[pivot, best]] = rows[[best, pivot]]
-        rows[pivot] /= rows[pivot, column]
-        others = np.arange(len(rows)) != pivot
-        rows[others] -= np.outer(rows[others, column], rows[pivot])
-        pivot += 1
-    return rows[:pivot]
+        if abs(rows[best, column]) >= SMALL_SHARE:
+            _clear_column(rows, pivot, best, column)
+            pivot += 1
+    for left in range(pivot, len(rows)):
+        best, column = np.unravel_index(int(np.argmax(np.abs(rows[left:]))), rows[left:].shape)
+        _clear_column(rows, left, left + int(best), int(column))
+    return rows
+
+
+def _clear_column(rows: Array, pivot: int, best: int, column: int) -> None:
+    """Swap row *best* to *pivot* and clear *column* from all the others, in place."""
+    rows[[pivot, best]] = rows[[best, pivot]]
+    rows[pivot] /= rows[pivot, column]
+    others = np.arange(len(rows)) != pivot
+    rows[others] -= np.outer(rows[others, column], rows[pivot])
 
 
 def _sum_in_words(unknowns: Unknowns, row: Array) -> str:
@@ -136,62 +161,109 @@ def _sum_in_words(unknowns: Unknowns, row: Array) -> str:
     return text
 
 
-def _remedy(adjustment: Adjustment, direction: Array) -> str:
-    """Try poses on the regressor until one of them shows *direction*.
+@dataclass(frozen=True)
+class _Trials:
+    """Poses that might show something, by what they do to the rows.
 
-    A direction made of standing feet only is tried on a slope first: no bent joint moves them.
+    Parameters
+    ----------
+    of_feet : array of bool, shape (size,)
+        Unknowns of links on the feet's side of the standing ankles.
+    session : array, shape (N, 4, size)
+        Regressor of the poses there are.
+    bends, others : list of (words, array of shape (4, size))
+        One joint bent; the other foot.
+    slopes, together : list of (words, array of shape (4, size))
+        The first pose on slopes; all joints bent, on slopes.
     """
-    robot = adjustment.unknowns.robot
-    group = adjustment.groups[0]
-    side = foot_side_links(robot, group.carrier)
-    touched = {(i - 1) // 3 for i in np.flatnonzero(direction) if i > 0}
-    only_feet = all(side[adjustment.unknowns.links[k]] for k in touched)
-    trials = [_bent_joint, _other_foot, _slope]
-    for trial in trials[::-1] if only_feet else trials:
-        words = trial(adjustment, group, direction)
-        if words:
-            return words
-    return "no pose shows it: it is merged along joint axes; fill it from CAD if it is needed"
+
+    gravity: float
+    of_feet: npt.NDArray[np.bool_]
+    session: Array
+    bends: list[tuple[str, Array]]
+    others: list[tuple[str, Array]]
+    slopes: list[tuple[str, Array]]
+    together: list[tuple[str, Array]]
+
+    @classmethod
+    def of(cls, adjustment: Adjustment) -> _Trials:
+        """Compute them around the poses of a session."""
+        unknowns, groups = adjustment.unknowns, adjustment.groups
+        robot, first = unknowns.robot, groups[0]
+        balances = [balance_at(robot, g.carrier, g.q, g.w) for g in groups]
+        session = [regressor(balance, unknowns, balance.direction) for balance in balances]
+        R, _ = stance_frame(robot, first.carrier.support, balances[0].placements)
+        up = R[0].T @ balances[0].direction[0]
+
+        def rows(carrier: Carrier, q: Array, up_in_P: Array) -> Array:
+            unloaded = np.ones((1, len(carrier.sensors), 6))
+            balance = balance_at(robot, carrier, q[None], unloaded)
+            R, _ = stance_frame(robot, carrier.support, balance.placements)
+            return regressor(balance, unknowns, apply(R, up_in_P))[0]
+
+        n_joints = first.q.shape[1]
+        bends = [
+            (f"a pose that moves {name} by itself", rows(first.carrier, first.q[0] + bend, up))
+            for name, bend in zip(
+                robot.tree.joint_names, TRIAL_BEND * np.eye(n_joints), strict=True
+            )
+        ]
+        others = [
+            (f"a pose standing on the {carrier.support} foot", rows(carrier, first.q[0], up))
+            for carrier in _other_carriers(robot, groups)
+        ]
+        leans = [rotation_about(axis, TRIAL_SLOPE) @ up for axis in np.eye(3)[:2]]
+        slopes = [("a pose on a slope", rows(first.carrier, first.q[0], lean)) for lean in leans]
+        together = [
+            (
+                "a pose that moves several joints, on a slope,",
+                rows(
+                    group.carrier,
+                    group.q[0] + TRIAL_BEND * np.cos(k * (1.0 + np.arange(n_joints))),
+                    leans[k % 2],
+                ),
+            )
+            for group in groups
+            for k in range(1, BENT_TOGETHER + 1)
+        ]
+        side = foot_side_links(robot, first.carrier)[list(unknowns.links)]
+        of_feet = np.concatenate([[False], np.repeat(side, 3)])
+        gravity = robot.gravity
+        return cls(gravity, of_feet, np.concatenate(session), bends, others, slopes, together)
+
+    def remedy(self, direction: Array, large: npt.NDArray[np.bool_]) -> str:
+        """Return the first pose that shows a direction.
+
+        One made of standing feet only is tried on a slope first: no bent joint moves them.
+
+        Parameters
+        ----------
+        direction : array, shape (size,)
+            Change of the unknowns.
+        large : array of bool, shape (size,)
+            Which of them take part by more than noise.
+        """
+        in_session = max(self._reaction(rows, direction) for rows in self.session)
+        first = self.slopes if bool(np.all(self.of_feet[large])) else []
+        for words, rows in (*first, *self.bends, *self.others, *self.slopes, *self.together):
+            shown = self._reaction(rows, direction)
+            if shown > max(SHOWN, MORE_THAN_BEFORE * in_session):
+                return f"{words} would show it"
+        return "no pose shows it: it is merged along joint axes; fill it from CAD if it is needed"
+
+    def _reaction(self, rows: Array, direction: Array) -> float:
+        """Return a pose's reaction as a share of what the parts would add up to, if they did."""
+        whole = self.gravity * np.linalg.norm(direction)
+        return float(np.linalg.norm(rows @ direction) / whole)
 
 
-def _bent_joint(adjustment: Adjustment, group: Group, direction: Array) -> str:
-    up = _up(adjustment, group)
-    for k, name in enumerate(adjustment.unknowns.robot.tree.joint_names):
-        moved = group.q[:1].copy()
-        moved[0, k] += TRIAL_BEND
-        if _shows(adjustment, group.carrier, moved, up, direction):
-            return f"a pose that moves {name} by itself would show it"
-    return ""
-
-
-def _other_foot(adjustment: Adjustment, group: Group, direction: Array) -> str:
-    robot = adjustment.unknowns.robot
-    measured = {g.carrier.support for g in adjustment.groups}
+def _other_carriers(robot: Robot, groups: Sequence[Group]) -> Iterator[Carrier]:
+    """Yield what carries the robot on each foot on which it has not stood alone."""
+    measured = {group.carrier.support for group in groups}
     for foot in robot.feet if len(robot.feet) > 1 else ():
-        if foot not in measured:
-            carrier = carrier_of(robot, foot)
-            if _shows(adjustment, carrier, group.q[:1], _up(adjustment, group), direction):
-                return f"a pose standing on the {foot} foot would show it"
-    return ""
-
-
-def _slope(adjustment: Adjustment, group: Group, direction: Array) -> str:
-    for axis in np.eye(3):
-        lean = apply(rotation_about(axis, TRIAL_SLOPE), _up(adjustment, group))
-        if _shows(adjustment, group.carrier, group.q[:1], lean, direction):
-            return "a pose on a slope would show it"
-    return ""
-
-
-def _up(adjustment: Adjustment, group: Group) -> Array:
-    """Return the direction of the ground reaction in the first pose, root frame, shape (1, 3)."""
-    robot = adjustment.unknowns.robot
-    return balance_at(robot, group.carrier, group.q[:1], group.w[:1]).direction
-
-
-def _shows(adjustment: Adjustment, carrier: Carrier, q: Array, up: Array, direction: Array) -> bool:
-    """Return whether the rows of a trial pose react to a direction of the unknowns."""
-    unknowns = adjustment.unknowns
-    balance = balance_at(unknowns.robot, carrier, q, np.ones((1, len(carrier.sensors), 6)))
-    columns = regressor(balance, unknowns, up) * direction
-    return bool(np.linalg.norm(columns.sum(axis=-1)) > SHOWN * np.linalg.norm(columns))
+        if foot in measured:
+            continue
+        try:
+            yield carrier_of(robot, foot)
+        except ConfigError:  # nothing measures what this foot carries
+            continue

@@ -8,6 +8,7 @@ import secrets
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -72,24 +73,56 @@ def create_session(
 
 
 def open_session(directory: Path) -> Session:
-    """Open an existing session folder for reading.
+    """Open a session folder for reading: a recorded or imported one, or one made by hand.
+
+    A folder that holds ``robot.yaml``, its URDF and ``poses.csv`` is enough.
 
     Raises
     ------
     UsageError
         If there is none.
     ConfigError
-        If its ``session.yaml`` is damaged or of another format.
+        If its ``session.yaml`` is damaged, of another format, or lost.
     """
     session = Session(Path(directory))
-    if not session.session_yaml.is_file():
+    if not session.directory.is_dir():
         raise UsageError(
-            "is no session: it has no session.yaml",
+            "there is no such folder",
             where=str(directory),
-            next_step="make one with comcal record or comcal import",
+            next_step="check the path, or make a session with comcal record or comcal import",
         )
-    _ = session.metadata
+    if session.session_yaml.is_file():
+        _ = session.metadata
+    elif not session.is_handmade:
+        _refuse(session)
     return session
+
+
+def _refuse(session: Session) -> NoReturn:
+    """Say what a folder without ``session.yaml`` lacks.
+
+    Raises
+    ------
+    UsageError
+        If it is no session.
+    ConfigError
+        If it was one.
+    """
+    if session.poses_csv.is_file() and session.robot_yaml.is_file():
+        raise ConfigError(
+            "session.yaml is gone, and with it the tares and which poses were measured again",
+            where=str(session.directory),
+            next_step="restore it from a copy; or solve robot.yaml, its URDF and poses.csv alone, "
+            "copied to another folder",
+        )
+    needed = (session.robot_yaml.name, session.poses_csv.name)
+    lacking = " and ".join(name for name in needed if not (session.directory / name).is_file())
+    raise UsageError(
+        f"is no session: it has no session.yaml, and no {lacking} either",
+        where=str(session.directory),
+        next_step="make one with comcal record or comcal import; or put robot.yaml, its URDF and "
+        "poses.csv into a folder",
+    )
 
 
 def is_session(directory: Path) -> bool:

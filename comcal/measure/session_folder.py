@@ -59,14 +59,23 @@ class Session:
         return self.directory / "session.yaml"
 
     @property
+    def is_handmade(self) -> bool:
+        """Whether ``poses.csv`` lies beside a robot.yaml where no writer of ours ever was."""
+        ours = (self.session_yaml, self.directory / LOCK)
+        needed = (self.robot_yaml, self.poses_csv)
+        return all(p.is_file() for p in needed) and not any(p.exists() for p in ours)
+
+    @property
     def metadata(self) -> Metadata:
-        """The content of ``session.yaml``, read anew unless locked.
+        """The content of ``session.yaml``, read anew unless locked; empty if made by hand.
 
         Raises
         ------
         ConfigError
             If it is not what comcal wrote.
         """
+        if self.is_handmade:
+            return {}
         known = self._known or read_metadata(self.session_yaml, FORMAT)
         self._known = known if self._is_locked else None
         return dict(known)
@@ -117,8 +126,11 @@ class Session:
 
     def superseded(self) -> tuple[int, ...]:
         """Return the ids of rows that were measured again and are not to be used."""
+        repetitions = self.repetitions()
+        if not repetitions:
+            return ()
         finished = set(self.finished_poses())
-        return tuple(old for old, new in self.repetitions().items() if new in finished)
+        return tuple(old for old, new in repetitions.items() if new in finished)
 
     def repetitions(self) -> dict[int, int]:
         """Return which pose id measures which older one again: new id by old id."""

@@ -9,7 +9,7 @@ from rich.console import Console
 from comcal.identify.calibration import MISFIT, Calibration, Check, Verdict
 from comcal.identify.paper_route import PaperRoute
 from comcal.identify.solution import LinkCom, Solution, sigmas
-from comcal.report.console import print_table
+from comcal.report.console import PLUS_MINUS, print_lines, print_table
 
 MM = 1e3
 _UNIT = {"m": (1e3, "mm"), "kg": (1.0, "kg")}
@@ -25,8 +25,7 @@ def print_calibration(console: Console, calibration: Calibration, *, full: bool 
     full : bool
         False leaves out the coefficients of single poses and the unseen directions.
     """
-    for note in calibration.table.notes:
-        console.print(f"note: {note}")
+    print_lines(console, (f"note: {note}" for note in calibration.table.notes))
     if full:
         _coefficients(console, calibration)
     if calibration.paper is not None:
@@ -44,12 +43,13 @@ def print_verdict(console: Console, calibration: Calibration) -> None:
     words = {
         Verdict.PASSED: "PASSED",
         Verdict.FAILED: "FAILED",
-        Verdict.NO_LIMITS: "NO LIMITS SET (robot.yaml: limits)",
+        Verdict.NO_LIMITS: f"NO LIMITS JUDGED: {calibration.reason}"
+        if calibration.reason
+        else "NO LIMITS SET (robot.yaml: limits)",
         Verdict.NOT_IDENTIFIABLE: f"NOT IDENTIFIABLE: {calibration.reason}",
     }
-    console.print(f"Verdict: {words[calibration.verdict]}", style="bold")
-    for check in calibration.checks:
-        console.print(f"  {_check(check)}")
+    print_lines(console, [f"Verdict: {words[calibration.verdict]}"], style="bold")
+    print_lines(console, (f"  {_check(check)}" for check in calibration.checks))
 
 
 def _check(check: Check) -> str:
@@ -61,7 +61,7 @@ def _check(check: Check) -> str:
 
 def _heading(console: Console, text: str) -> None:
     console.print()
-    console.print(text, style="bold")
+    print_lines(console, [text], style="bold")
 
 
 def _coefficients(console: Console, calibration: Calibration) -> None:
@@ -76,9 +76,9 @@ def _coefficients(console: Console, calibration: Calibration) -> None:
             str(calibration.table.pose[row]),
             calibration.table.configuration[row] or "-",
             _pm(v[0], s[0], MM),
-            f"{v[1]:+.4f}",
+            _pm(v[1], s[1], 1e3),
             _pm(v[2], s[2], MM),
-            f"{v[3]:+.4f}",
+            _pm(v[3], s[3], 1e3),
             _pm(m, ms),
         )
         for row, v, s, m, ms in zip(
@@ -90,17 +90,15 @@ def _coefficients(console: Console, calibration: Calibration) -> None:
             strict=True,
         )
     ]
-    print_table(
-        console, rows, ("pose", "shape", "alpha mm", "beta", "gamma mm", "delta", "carried kg")
-    )
+    header = ("pose", "shape", "alpha mm", "beta 1e-3", "gamma mm", "delta 1e-3", "carried kg")
+    print_table(console, rows, header)
 
 
 def _paper(console: Console, paper: PaperRoute, *, full: bool) -> None:
     _heading(
         console, "The paper's route: total CoM of each shape, whole robot in P, reference pose"
     )
-    for error in paper.refused:
-        console.print(f"refused: {error}")
+    print_lines(console, (f"refused: {error}" for error in paper.refused))
     if paper.totals:
         rows = []
         for t in paper.totals:
@@ -119,7 +117,7 @@ def _paper(console: Console, paper: PaperRoute, *, full: bool) -> None:
             console, rows, ("shape", "by", "tilt deg", "x mm", "y mm", "z mm", "CAD adds x, z mm")
         )
     if paper.chain is None:
-        console.print(f"Cramer's rule does not apply: {paper.reason}")
+        print_lines(console, [f"Cramer's rule does not apply: {paper.reason}"])
         return
     names = [t.configuration.name for t in paper.totals]
     _heading(
@@ -165,16 +163,17 @@ def _solution(console: Console, solution: Solution, *, full: bool) -> None:
         if link.source != (None, None, None) or link.mass > 0
     ]
     print_table(console, rows, ("link", "mass kg (URDF)", "x mm", "y mm", "z mm"))
-    console.print(
+    quality = (
         f"rank {fit.rank} of {fit.unknowns.size} unknowns, condition {fit.condition:.0f}, "
         f"chi2 {fit.chi2:.1f} for {fit.dof} degrees of freedom"
     )
+    print_lines(console, [quality])
     if solution.misfit_p < MISFIT:
-        console.print(
+        misfit = (
             f"the model does not explain the data within their noise (p = {solution.misfit_p:.0e}, "
-            f"limit {MISFIT:g}): sigmas are too small; look for what the model lacks",
-            style="bold",
+            f"limit {MISFIT:g}): sigmas are too small; look for what the model lacks"
         )
+        print_lines(console, [misfit], style="bold")
     sums = [c for c in solution.combinations if len(c.coefficients) > 1]
     if sums:
         _heading(console, "Only sums are determined (first moments, kg mm)")
@@ -187,11 +186,12 @@ def _solution(console: Console, solution: Solution, *, full: bool) -> None:
     if np.isnan(held.com_rms):
         console.print("a single pose leaves nothing to hold out")
         return
-    console.print(
+    lines = (
         f"total CoM off the measured line by {held.com_rms * MM:.2f} mm rms (95 % upper end "
-        f"{held.com_upper * MM:.2f} mm), force {held.force_rms:.2f} N, moment "
-        f"{held.moment_rms:.3f} N m, {held.poses} poses"
+        f"{held.com_upper * MM:.2f} mm), {held.poses} poses",
+        f"force {held.force_rms:.2f} N rms, moment {held.moment_rms:.3f} N m rms",
     )
+    print_lines(console, lines)
 
 
 def _by_remedy(solution: Solution) -> list[tuple[str, str]]:
@@ -216,15 +216,16 @@ def _component(link: LinkCom, i: int) -> str:
 
 
 def _difference(console: Console, calibration: Calibration) -> None:
-    difference = calibration.difference
-    if difference is None:
+    difference, paper = calibration.difference, calibration.paper
+    if difference is None or paper is None:
         return
     _heading(console, "Both routes side by side (mm); their difference by its own sigma")
     rows = [
-        (name, f"{a * MM:.2f}", _pm(b, s, MM), _pm(a - b, ds, MM))
-        for name, a, b, s, ds in zip(
+        (name, _pm(a, sa, MM), _pm(b, s, MM), _pm(a - b, ds, MM))
+        for name, a, sa, b, s, ds in zip(
             difference.names,
             difference.cramer,
+            sigmas(paper.choices[0].cov),
             difference.lstsq,
             difference.lstsq_sigma,
             difference.sigma,
@@ -233,10 +234,11 @@ def _difference(console: Console, calibration: Calibration) -> None:
     ]
     print_table(console, rows, ("segment", "Cramer", "all data", "difference"))
     word = "agree" if difference.agree else "CONTRADICT one another"
-    console.print(
+    line = (
         f"the two routes {word} (p = {difference.p:.3f}); Cramer takes the feet's CoM from CAD, "
         "all data measures it"
     )
+    print_lines(console, [line])
 
 
 def _mass(console: Console, calibration: Calibration) -> None:
@@ -245,16 +247,20 @@ def _mass(console: Console, calibration: Calibration) -> None:
         return
     urdf = calibration.robot.tree.total_mass
     _heading(console, "Mass of the whole robot")
-    console.print(
+    line = (
         f"{_pm(solution.mass, solution.mass_sigma)} kg measured, {urdf:.3f} kg in the URDF "
         f"({solution.mass - urdf:+.3f} kg)"
     )
+    print_lines(console, [line])
 
 
 def _pm(value: float, sigma: float, factor: float = 1.0) -> str:
     """Return value and sigma with as many decimals as two digits of sigma need."""
     value, sigma = value * factor, sigma * factor
+    if not np.isfinite(value):
+        return "-"
     if not np.isfinite(sigma) or sigma <= 0:
         return f"{value:.3f}"
     decimals = int(np.clip(1 - np.floor(np.log10(sigma)), 0, 4))
-    return f"{value:.{decimals}f} +/- {sigma:.{decimals}f}"
+    value = round(value, decimals) + 0.0  # without the sign of a zero
+    return f"{value:.{decimals}f}{PLUS_MINUS}{sigma:.{decimals}f}"

@@ -8,7 +8,8 @@ set. Text that goes to a file or a pipe is plain and of fixed width: two runs ca
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Iterable, Sequence
 from typing import IO
 
 from rich.console import Console
@@ -16,6 +17,9 @@ from rich.table import Table
 
 PLAIN_WIDTH = 100
 """Columns of text that does not go to a terminal, unless ``COLUMNS`` says otherwise."""
+GAP = 2
+"""Blanks between the columns of a table."""
+PLUS_MINUS = " +/- "
 
 
 def make_console(*, stderr: bool = False, file: IO[str] | None = None) -> Console:
@@ -49,17 +53,60 @@ def print_table(
     ----------
     console : Console
     rows : sequence of sequence of str
-        All of one length. What does not fit the console's width is wrapped within its column.
+        All of one length. Where they do not fit the console, a value and its sigma move together;
+        what still does not fit is wrapped within its column, and nothing is cut off.
     header : sequence of str
         Titles of the columns; without them the first column is what the rows are called.
     """
-    table = Table(box=None, show_header=bool(header), pad_edge=False, padding=(0, 2, 0, 0))
+    tight = _tightened(console, rows)
+    if _width(rows, header) > console.width and (
+        console.width < PLAIN_WIDTH or _width(tight, header) <= console.width
+    ):
+        rows = tight
+    table = Table(box=None, show_header=bool(header), pad_edge=False, padding=(0, GAP, 0, 0))
     for i in range(len(rows[0]) if rows else 0):
         title = header[i] if header else ""
-        table.add_column(title, header_style="bold", style="bold" if not header and i == 0 else "")
+        style = "bold" if not header and i == 0 else ""
+        table.add_column(title, header_style="bold", style=style, overflow="fold")
     for row in rows:
         table.add_row(*row)
     with console.capture() as capture:
         console.print(table)
     # The padding of the last column would be noise in a file.
     console.file.write("".join(f"{line.rstrip()}\n" for line in capture.get().splitlines()))
+
+
+def print_lines(console: Console, lines: Iterable[str], style: str = "") -> None:
+    """Print lines, those too long for the console wrapped between words and indented further.
+
+    Parameters
+    ----------
+    console : Console
+    lines : iterable of str
+        Leading blanks are kept.
+    style : str
+    """
+    for line in lines:
+        indent = " " * (len(line) - len(line.lstrip()) + 2)
+        # At least 40 columns for text, whatever somebody did to the window.
+        width = max(console.width, len(indent) + 40)
+        pieces = textwrap.wrap(
+            line,
+            width,
+            subsequent_indent=indent,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        console.print("\n".join(pieces), style=style, soft_wrap=True)
+
+
+def _width(rows: Sequence[Sequence[str]], header: Sequence[str]) -> int:
+    """Return how many columns a table takes when nothing is wrapped."""
+    every = [*rows, header] if header else rows
+    return sum(max(map(len, cells)) + GAP for cells in zip(*every, strict=True)) - GAP
+
+
+def _tightened(console: Console, rows: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Return the rows with value and sigma written without blanks between them."""
+    sign = "±" if console.encoding.lower().startswith("utf") else PLUS_MINUS.strip()
+    return [[cell.replace(PLUS_MINUS, sign) for cell in row] for row in rows]

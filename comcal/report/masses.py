@@ -82,5 +82,6 @@ def _quality(refit: MassRefit) -> str:
 
 
 def _combination(c: Combination) -> str:
-    unit = "kg" if c.words == "mass" else "kg m"
-    return f"{c.words}: {c.value:.3f} +/- {c.sigma:.3f} {unit}"
+    if c.words == "mass":
+        return f"{c.words}: {c.value:.3f} +/- {c.sigma:.3f} kg"
+    return f"{c.words}: {1e3 * c.value:.1f} +/- {1e3 * c.sigma:.1f} kg mm"

@@ -96,14 +96,14 @@ def _fit_lines(result: PosturesResult) -> list[str]:
 def _prediction_lines(predictions: tuple[PosePrediction, ...]) -> list[str]:
     """Tabulate predictions, their intervals, their spreads, and the measurements last."""
     head = (
-        f"  {'pose':>4}    {'predicted':>9}  {'+/- 95 %':>9}  {'over rounding':>17}  "
-        f"{'over readings':>17}  {'measured':>9}  {'error':>7}"
+        f"  {'pose':>4}    {'predicted':>9}  {'+/- 95 %':>8}  {'over rounding':>15}  "
+        f"{'over readings':>15}  {'measured':>8} {'error':>6}"
     )
     lines = ["Held-out poses [mm]; what was measured is compared last and enters nothing", head]
     lines += [
-        f"  {p.pose:>4} {p.component}  {_mm(p.predicted):>9}  {_mm(p.half_width):>9}  "
-        f"{_range(p.rounding):>17}  {_range(p.conventions):>17}  {_mm(p.measured):>9}  "
-        f"{_mm(p.error):>7}"
+        f"  {p.pose:>4} {p.component}  {_mm(p.predicted):>9}  {_mm(p.half_width):>8}  "
+        f"{_range(p.rounding):>15}  {_range(p.conventions):>15}  {_mm(p.measured):>8} "
+        f"{_mm(p.error):>6}"
         for p in predictions
     ]
     inside = sum(p.is_inside for p in predictions)

@@ -8,7 +8,11 @@ from comcal.statics.published_chain import LinkComs
 from comcal.statics.published_faults import AS_PUBLISHED, CORRECTED, FAULT_TEXT, Fault
 
 MM = 1e3
-HEADER = f"{'formulas':<34}{'Z_2c':>10}{'r_b':>10}{'l_b':>10}{'r_c':>10}{'l_c':>10}"
+NAME, NUMBER = 34, 9
+"""Widths of the columns: 79 in all."""
+HEADER = f"{'formulas':<{NAME}}" + "".join(
+    f"{name:>{NUMBER}}" for name in ("Z_2c", "r_b", "l_b", "r_c", "l_c")
+)
 
 
 def published_heading(poses: tuple[int, ...], rank: int) -> list[str]:
@@ -30,8 +34,8 @@ def published_heading(poses: tuple[int, ...], rank: int) -> list[str]:
     ]
 
 
-def published_row(faults: Fault, factor: float, result: PublishedResult | None, reason: str) -> str:
-    """Return one line of the table: the link CoMs under some faults, or why there are none.
+def published_row(faults: Fault, factor: float, result: PublishedResult | None) -> str:
+    """Return one line of the table: the link CoMs under some faults, or dashes.
 
     Parameters
     ----------
@@ -39,27 +43,39 @@ def published_row(faults: Fault, factor: float, result: PublishedResult | None, 
     factor : float
         Sign of M_2 where it enters.
     result : PublishedResult or None
-    reason : str
     """
-    name = _name(faults, factor)
+    name = f"{published_name(faults, factor):<{NAME}}"
     if result is None:
-        return f"{name:<34}{reason}"
-    return f"{name:<34}{result.c.Z * MM:>10.2f}{_links(result.links)}"
+        return name + 5 * f"{'-':>{NUMBER}}"
+    return f"{name}{_number(result.c.Z)}{_links(result.links)}"
 
 
 def nominal_row(nominal: LinkComs) -> str:
     """Return the line that says what the URDF holds."""
-    return f"{'URDF':<34}{'':>10}{_links(nominal)}"
+    return f"{'URDF':<{NAME}}{'':>{NUMBER}}{_links(nominal)}"
 
 
 def _links(links: LinkComs) -> str:
-    return "".join(f"{v * MM:>10.2f}" for v in links.as_array())
+    return "".join(_number(v) for v in links.as_array())
 
 
-def _name(faults: Fault, factor: float) -> str:
+def _number(length: float) -> str:
+    # Adding zero turns -0.0 into 0.0.
+    return f"{round(length * MM, 2) + 0.0:>{NUMBER}.2f}"
+
+
+def published_name(faults: Fault, factor: float) -> str:
+    """Return what a line of the table is called.
+
+    Parameters
+    ----------
+    faults : Fault
+    factor : float
+        Sign of M_2 where it enters.
+    """
     sign = ""
     if Fault.INTERNAL_TORQUES in faults:
-        sign = f", M_2 * {factor:+.0f}"
+        sign = f", {'+' if factor > 0 else '-'}M_2"
     if faults == CORRECTED:
         return "corrected"
     if faults == AS_PUBLISHED:

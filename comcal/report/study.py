@@ -30,8 +30,12 @@ def study_lines(summary: StudySummary) -> list[str]:
         lines.append(f"and {len(summary.failed) - FAILURES_SHOWN} more that failed")
     lines.append("")
     lines += [
-        f"{'ok' if check.passed else 'FAILED':<6}  {check.what}: {check.found}; limit {check.limit}"
+        line
         for check in summary.checks
+        for line in (
+            f"{'ok' if check.passed else 'FAILED':<6}  {check.what}: {check.found}",
+            f"{'':<6}  limit {check.limit}",
+        )
     ]
     lines += ["", f"Verdict: {verdict_word(summary)}."]
     return lines
@@ -71,11 +75,12 @@ def _quantity_lines(scores: Sequence[QuantityScore]) -> list[str]:
         if score.kind != kind:
             kind = score.kind
             low, high = score.band
-            lines += [*([""] if lines else []), f"{kind}: {score.n} calibrations"]
-            lines.append(
-                f"  {'':<{width}}  {'RMS error':>12}  {'/ bound':>7}  {'bias':>6}  "
-                f"95 % intervals hold (band {100 * low:.2f} to {100 * high:.2f} %)"
-            )
+            lines += [
+                *([""] if lines else []),
+                f"{kind}: {score.n} calibrations; coverage of 95 % intervals should be "
+                f"{100 * low:.2f} to {100 * high:.2f} %",
+                f"  {'':<{width}}  {'RMS error':>12}  {'/ bound':>7}  {'bias':>6}  coverage",
+            ]
         size = f"{1e3 * score.rms:.4f} {'g ' if score.unit == 'kg' else 'mm'}"
         ratio = "" if math.isnan(score.efficiency) else f"{score.efficiency:.4f}"
         note = "" if score.in_band else "  OUTSIDE"
@@ -85,7 +90,9 @@ def _quantity_lines(scores: Sequence[QuantityScore]) -> list[str]:
             f"  {score.name:<{width}}  {size:>12}  {ratio:>7}  {score.bias:>+6.2f}  "
             f"{100 * score.coverage:.2f} %{note}"
         )
-    lines.append("(bias: mean error in units of its own standard error)")
+    lines.append(
+        "(/ bound: over the Cramer-Rao bound; bias: mean error in units of its own standard error)"
+    )
     return lines
 
 
@@ -93,14 +100,15 @@ def _pooled_lines(pooled: Sequence[PooledScore]) -> list[str]:
     lines: list[str] = []
     for score in pooled:
         ends = " to ".join(f"{100 * end:.2f}" for end in score.interval)
-        line = (
-            f"{score.kind}: {score.intervals} intervals of {score.calibrations} calibrations, "
-            f"{100 * score.coverage:.2f} % hold the truth ({ends} %)"
-        )
-        if not math.isnan(score.efficiency):
-            line += f", RMS / bound {score.efficiency:.4f} +/- {score.efficiency_error:.4f}"
         ranks = ", ".join(f"{rank} ({n})" for rank, n in sorted(score.ranks.items()))
-        lines += [line, f"  chi2 / dof {score.chi2_per_dof:.4f}, rank {ranks}"]
+        quality = f"  chi2 / dof {score.chi2_per_dof:.4f}, rank {ranks}"
+        if not math.isnan(score.efficiency):
+            quality += f", RMS / bound {score.efficiency:.4f} +/- {score.efficiency_error:.4f}"
+        lines += [
+            f"{score.kind}: {score.intervals} intervals of {score.calibrations} calibrations, "
+            f"{100 * score.coverage:.2f} % hold the truth ({ends} %)",
+            quality,
+        ]
     return lines
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from comcal.errors import ConfigError
+from comcal.robot.below import replace_below_cuts
 from comcal.robot.chain import tree_from_chain
 from comcal.robot.frames import rotation_from_rpy, transform_from
 from comcal.robot.locate import Key, LocatedYaml, read_yaml
@@ -49,6 +50,7 @@ def load_robot(path: str | os.PathLike[str]) -> Robot:
     Returns
     -------
     Robot
+        What ``sensors.*.below`` states stands in the tree instead of the URDF's values.
 
     Raises
     ------
@@ -96,7 +98,7 @@ def load_robot(path: str | os.PathLike[str]) -> Robot:
     checks.no_double_use(file)
     checks.cuts_are_apart(robot)
     checks.masses_below_cuts(robot)
-    return robot
+    return replace_below_cuts(robot)
 
 
 class _Checks:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from comcal.robot.kinematics import place_links
 from comcal.robot.tree import Array, Tree
 
 
@@ -176,3 +177,17 @@ class Robot:
             foot_is_beyond = foot is None or bool(beyond[self.tree.link_index[foot.link]])
             below[sensor.name] = beyond if foot_is_beyond else ~beyond
         return below
+
+    @cached_property
+    def feet_from_left(self) -> tuple[str, ...]:
+        """Names of the feet from left to right, as the robot stands at q = 0.
+
+        Which side is left, the soles' own y axes say: names and the order in robot.yaml may not.
+        """
+        at = place_links(self.tree, np.zeros((1, len(self.tree.joint_names))))
+        left, origin = np.zeros(3), dict[str, Array]()
+        for name, foot in self.feet.items():
+            R, p = at.link(foot.link)
+            left += R[0] @ foot.T_link_sole[:3, 1]
+            origin[name] = p[0] + R[0] @ foot.T_link_sole[:3, 3]
+        return tuple(sorted(origin, key=lambda name: -float(left @ origin[name])))

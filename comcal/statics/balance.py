@@ -23,6 +23,7 @@ from comcal.robot.frames import apply, skew
 from comcal.robot.kinematics import Placements, place_links
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array, JointType, Tree
+from comcal.statics.joint_slopes import joint_slopes
 from comcal.statics.stance import stance_frame
 from comcal.statics.support import Carrier
 from comcal.statics.wrenches import wrench_transform
@@ -34,22 +35,24 @@ class Balance:
 
     Parameters
     ----------
+    q : array, shape (N, n_joints)
+    w : array, shape (N, n_sensors, 6)
+        Loaded wrenches, ground on robot, in and about each sensor's frame.
     placements : Placements
         In the root frame.
     X : array, shape (N, n_sensors, 6, 6)
         Takes each loaded sensor's wrench to the root frame.
     wrench_each : array, shape (N, n_sensors, 6)
         The loaded wrenches in and about the root frame [N, N m].
-    sensor_links : tuple of int
-        Link to which each loaded sensor is attached, for the derivatives.
     """
 
     robot: Robot
     carrier: Carrier
+    q: Array
+    w: Array
     placements: Placements
     X: Array
     wrench_each: Array
-    sensor_links: tuple[int, ...]
 
     @property
     def F(self) -> Array:
@@ -77,17 +80,18 @@ def balance_at(robot: Robot, carrier: Carrier, q: Array, w: Array) -> Balance:
         Ground on robot, in and about each sensor's frame.
     """
     placements = place_links(robot.tree, q)
-    frames: list[tuple[Array, Array]] = []
-    links: list[int] = []
-    for frame in carrier.frames:
-        if frame is None:
-            frames.append(stance_frame(robot, carrier.support, placements))
-            links.append(robot.tree.link_index[robot.feet[carrier.feet[0]].link])
-        else:
-            frames.append((placements.R[:, frame], placements.p[:, frame]))
-            links.append(frame)
-    X = np.stack([wrench_transform(R, p) for R, p in frames], axis=1)
-    return Balance(robot, carrier, placements, X, np.einsum("nsij,nsj->nsi", X, w), tuple(links))
+    X = _to_root(robot, carrier, placements)
+    each = np.einsum("nsij,nsj->nsi", X, w)
+    return Balance(robot, carrier, q, w, placements, X, each)
+
+
+def _to_root(robot: Robot, carrier: Carrier, at: Placements) -> Array:
+    """Return what takes each loaded wrench to the root frame, shape (N, n_sensors, 6, 6)."""
+    frames = [
+        stance_frame(robot, carrier.support, at) if k is None else (at.R[:, k], at.p[:, k])
+        for k in carrier.frames
+    ]
+    return np.stack([wrench_transform(R, p) for R, p in frames], axis=1)
 
 
 def first_moments(balance: Balance, h: Array) -> Array:
@@ -199,7 +203,9 @@ def input_jacobian(balance: Balance, h: Array) -> tuple[Array, Array]:
     axis, origin = at.axes()[:, motion.joint], at.p[:, motion.joint + 1]
     m_beyond = beyond @ (tree.masses * balance.carrier.carried)
     S_beyond = np.einsum("jk,nki->nji", beyond, s)
-    W_beyond = np.einsum("js,nsi->nji", beyond[:, list(balance.sensor_links)], balance.wrench_each)
+    on_link = [s for s, k in enumerate(balance.carrier.frames) if k is not None]
+    links = [k for k in balance.carrier.frames if k is not None]
+    W_beyond = np.einsum("js,nsi->nji", beyond[:, links], balance.wrench_each[:, on_link])
     F_beyond, M_beyond = W_beyond[..., :3], W_beyond[..., 3:]
 
     slides = motion.prismatic[:, None]
@@ -211,4 +217,23 @@ def input_jacobian(balance: Balance, h: Array) -> tuple[Array, Array]:
 
     per_joint = np.einsum("nij,nkj->nik", B_FM[:, :, :3], dF)
     per_joint[:, 1:] += np.swapaxes(dM - g * np.cross(dS, f[:, None]), 1, 2)
-    return B_w, per_joint @ motion.drive
+    B_q = per_joint @ motion.drive
+    if len(on_link) < len(balance.carrier.frames):
+        B_q += B_FM @ _world_plate_slopes(balance)
+    return B_w, B_q
+
+
+def _world_plate_slopes(balance: Balance) -> Array:
+    """Return d(wrench of plates in the world, in the root frame)/dq, shape (N, 6, n_joints).
+
+    Such a plate measures in P, which follows all standing feet at once.
+    """
+    robot, carrier = balance.robot, balance.carrier
+    in_world = [s for s, k in enumerate(carrier.frames) if k is None]
+
+    def total(q: Array) -> Array:
+        X = _to_root(robot, carrier, place_links(robot.tree, q))[:, in_world]
+        w = np.tile(balance.w[:, in_world], (len(q) // len(balance.q), 1, 1))
+        return np.einsum("nsij,nsj->ni", X, w)
+
+    return joint_slopes(total, balance.q)

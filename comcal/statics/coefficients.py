@@ -9,20 +9,22 @@ import numpy as np
 import numpy.typing as npt
 
 from comcal.errors import NotBalancedError
-from comcal.measure.plan import NONE
 from comcal.measure.table import PoseTable
 from comcal.robot.kinematics import place_links
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
+from comcal.statics.joint_slopes import joint_slopes
 from comcal.statics.stance import in_stance, stance_frame
-from comcal.statics.support import Carrier, carrier_of, loaded_wrenches
+from comcal.statics.support import (
+    Carrier,
+    loaded_wrenches,
+    measured_supports,
+    tare_covariances,
+)
 from comcal.statics.wrenches import wrench_transform
 
 MIN_VERTICAL_FORCE = 5.0
 """Below this load along the sole normal the CoP has no meaning [N]."""
-
-STEP = 1e-6
-"""Step of the central differences over joint positions [rad] or [m]; errors are near 1e-10."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +36,11 @@ class BalanceCoefficients:
     Parameters
     ----------
     rows : tuple of int
-        Row numbers in the pose table; hanging poses have no coefficients.
+        Row numbers in the pose table; poses that hang or have no wrench have no coefficients.
     values : array, shape (N, 4)
         alpha [m], beta [1], gamma [m], delta [1].
     cov : array, shape (N, 4, 4)
-        From wrench and encoder errors.
+        From wrench, tare and encoder errors.
     mass, mass_sigma : array, shape (N,)
         Carried mass |F|/g [kg].
     """
@@ -111,8 +113,8 @@ def balance_coefficients(robot: Robot, table: PoseTable) -> BalanceCoefficients:
     ------
     NotBalancedError
         If the loaded feet together carry less than ``MIN_VERTICAL_FORCE``.
-    MissingColumnError
-        If a loaded sensor has no wrench in the table.
+    MissingColumnError, NotFiniteError, DataError
+        If the wrench or the error of a loaded sensor is not known.
 
     Notes
     -----
@@ -121,10 +123,10 @@ def balance_coefficients(robot: Robot, table: PoseTable) -> BalanceCoefficients:
     n = len(table)
     values, cov = np.full((n, 4), np.nan), np.full((n, 4, 4), np.nan)
     mass, mass_sigma = np.full(n, np.nan), np.full(n, np.nan)
-    for support in sorted(set(table.support) - {NONE}):
-        rows = np.flatnonzero([s == support for s in table.support])
-        part, carrier = table.select(rows), carrier_of(robot, support)
+    for carrier, rows in measured_supports(robot, table):
+        part = table.select(rows)
         w, w_cov = loaded_wrenches(carrier, part)
+        w_cov = w_cov + tare_covariances(carrier, table)
         w_P = total_wrench(robot, carrier, part.q, w)
         _refuse_unloaded(table, rows, w_P)
         X, D = to_stance(robot, carrier, part.q), _angle_jacobian(robot, carrier, part.q, w)
@@ -145,16 +147,15 @@ def balance_coefficients(robot: Robot, table: PoseTable) -> BalanceCoefficients:
 
 
 def _angle_jacobian(robot: Robot, carrier: Carrier, q: Array, w: Array) -> Array:
-    """Return d(wrench about P)/dq by central differences, shape (N, 6, n_joints).
+    """Return d(wrench about P)/dq, shape (N, 6, n_joints).
 
     The angles move the sensors against one another and P with them.
     """
-    n, n_joints = q.shape
-    step = np.vstack([np.eye(n_joints), -np.eye(n_joints)]) * STEP
-    moved = (q[None] + step[:, None]).reshape(-1, n_joints)
-    w_P = total_wrench(robot, carrier, moved, np.tile(w, (2 * n_joints, 1, 1)))
-    w_P = w_P.reshape(2, n_joints, n, 6)
-    return np.moveaxis((w_P[0] - w_P[1]) / (2 * STEP), 0, 2)
+
+    def total(moved: Array) -> Array:
+        return total_wrench(robot, carrier, moved, np.tile(w, (len(moved) // len(q), 1, 1)))
+
+    return joint_slopes(total, q)
 
 
 def _refuse_unloaded(table: PoseTable, rows: npt.NDArray[np.intp], w_P: Array) -> None:

@@ -8,13 +8,13 @@ as two).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from comcal.errors import NotARigidTiltError
-from comcal.measure.plan import NONE
 from comcal.measure.table import PoseTable
 from comcal.robot.frames import apply
 from comcal.robot.kinematics import Placements, place_links
@@ -53,32 +53,40 @@ class Configuration:
 
 
 def find_configurations(
-    robot: Robot, table: PoseTable
+    robot: Robot, table: PoseTable, rows: Sequence[int]
 ) -> tuple[tuple[Configuration, ...], tuple[NotARigidTiltError, ...]]:
     """Collect the shapes of a session by the column ``configuration`` and check them against q.
+
+    Parameters
+    ----------
+    robot : Robot
+    table : PoseTable
+    rows : sequence of int
+        Row numbers of standing poses that have a wrench; others are left out.
 
     Returns
     -------
     configurations : tuple of Configuration
-        In order of first appearance. Every standing pose belongs to at most one.
+        In order of first appearance. Every pose belongs to at most one; equal names in different
+        supports are different configurations.
     refused : tuple of NotARigidTiltError
         One for each set of poses that share a name but are not one rigid tilt, with the reason.
     """
     labels: dict[tuple[str, str], list[int]] = {}
-    for i, (name, support) in enumerate(zip(table.configuration, table.support, strict=True)):
-        if name and support != NONE:
-            labels.setdefault((name, support), []).append(i)
+    for i in rows:
+        if table.configuration[i]:
+            labels.setdefault((table.configuration[i], table.support[i]), []).append(i)
     found: list[Configuration] = []
     refused: list[NotARigidTiltError] = []
-    for (name, support), rows in labels.items():
+    for (name, support), members in labels.items():
         carrier = carrier_of(robot, support)
         foot_side = foot_side_links(robot, carrier)
         try:
-            tilts = rigid_tilts(robot, carrier, foot_side, table, rows)
+            tilts = rigid_tilts(robot, carrier, foot_side, table, members)
         except NotARigidTiltError as error:
             refused.append(error)
             continue
-        found.append(Configuration(name, carrier, tuple(rows), tilts, foot_side))
+        found.append(Configuration(name, carrier, tuple(members), tilts, foot_side))
     return tuple(found), tuple(refused)
 
 
@@ -199,8 +207,10 @@ def _refusal(
         )
     elif others:
         reason = f"besides the ankles, {', '.join(others)} moved"
-    else:
+    elif len(carrier.feet) > 1:
         reason = "the ankle axes of the standing feet are not collinear"
+    else:
+        reason = "the ankle axis is not parallel to the y axis of the sole"
     return NotARigidTiltError(
         f"poses {table.pose[a]} and {table.pose[b]} share configuration "
         f"{table.configuration[a]!r} but are not one rigid tilt: {reason}",

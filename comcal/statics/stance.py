@@ -26,8 +26,7 @@ def sensor_origin(robot: Robot, foot: str, placements: Placements) -> Array:
     sensor = robot.feet[foot].sensor
     if sensor is not None:
         return placements.joint(robot.sensors[sensor].joint)[1]
-    R, p = placements.link(robot.feet[foot].link)
-    return p + apply(R, robot.feet[foot].T_link_sole[:3, 3])
+    return _sole(robot, foot, placements)[1]
 
 
 def stance_frame(robot: Robot, support: str, placements: Placements) -> tuple[Array, Array]:
@@ -45,14 +44,12 @@ def stance_frame(robot: Robot, support: str, placements: Placements) -> tuple[Ar
         If the support is not one of this robot's.
     """
     feet = standing_feet(robot, support)
-    soles = [
-        placements.link(robot.feet[f].link)[0] @ robot.feet[f].T_link_sole[:3, :3] for f in feet
-    ]
+    soles = [_sole(robot, f, placements)[0] for f in feet]
     origins = [sensor_origin(robot, f, placements) for f in feet]
     if len(feet) == 1:
         return soles[0], origins[0]
     z = _unit(np.sum([R[..., 2] for R in soles], axis=0))
-    across = origins[0] - origins[1]
+    across = origins[0] - origins[-1]
     y = _unit(across - np.sum(across * z, axis=-1, keepdims=True) * z)
     return np.stack([np.cross(y, z), y, z], axis=-1), np.mean(origins, axis=0)
 
@@ -65,6 +62,13 @@ def in_stance(R_root_P: Array, p_root_P: Array, placements: Placements) -> Place
         R_P_root @ placements.R,
         apply(R_P_root, placements.p - p_root_P[:, None]),
     )
+
+
+def _sole(robot: Robot, foot: str, placements: Placements) -> tuple[Array, Array]:
+    """Return the sole frame of a foot in the root frame: axes (N, 3, 3), origin (N, 3) [m]."""
+    R, p = placements.link(robot.feet[foot].link)
+    T = robot.feet[foot].T_link_sole
+    return R @ T[:3, :3], p + apply(R, T[:3, 3])
 
 
 def _unit(v: Array) -> Array:

@@ -29,15 +29,18 @@ MIN_TILT = np.deg2rad(3.0)
 
 @dataclass(frozen=True)
 class FootSide:
-    """What the two-pose formula takes from CAD, in P, batched over leading axes.
+    """What the two-pose formula takes from CAD, in P, for each of K poses of a shape.
+
+    Nothing of it changes from pose to pose unless the sensors are above the ankles: then P tilts
+    with them, and the ankles move in P.
 
     Parameters
     ----------
     mass : array, shape (...)
         m_u: carried mass that does not tilt [kg].
-    r, l : array, shape (...)
+    r, l : array, shape (..., K)
         Its CoM: x and z in P [m].
-    ankle_x, ankle_z : array, shape (...)
+    ankle_x, ankle_z : array, shape (..., K)
         A and U: the tilt axis in P [m].
     """
 
@@ -70,16 +73,15 @@ def total_com(coefficients: Array, mass: Array, tilts: Array, foot: FootSide) ->
     s, c = np.sin(tilts), np.cos(tilts)
     m_u, m_2 = foot.mass[..., None], mass[..., None]
     m_w = m_2 - m_u
-    x_known = m_u * foot.r[..., None] + m_w * foot.ankle_x[..., None]
-    z_known = m_u * foot.l[..., None] + m_w * foot.ankle_z[..., None]
+    x_known = m_u * foot.r + m_w * foot.ankle_x
+    z_known = m_u * foot.l + m_w * foot.ankle_z
     zero = np.zeros_like(s)
     # Unknowns: m_w l_w / m_2, m_w r_w / m_2, Y.
     rows_x = np.stack([s - beta * c, c + beta * s, zero], axis=-1)
     rows_y = np.stack([-delta * c, delta * s, zero + 1.0], axis=-1)
     A = np.concatenate([rows_x, rows_y], axis=-2)
-    b = np.concatenate(
-        [alpha + (beta * z_known - x_known) / m_2, gamma + delta * z_known / m_2], axis=-1
-    )
+    b_x, b_y = alpha + (beta * z_known - x_known) / m_2, gamma + delta * z_known / m_2
+    b = np.concatenate([b_x, b_y], axis=-1)
     At = np.swapaxes(A, -1, -2)
     lw, rw, Y = np.moveaxis(np.linalg.solve(At @ A, At @ b[..., None])[..., 0], -1, 0)
     return np.stack([x_known[..., 0] / mass + rw, Y, z_known[..., 0] / mass + lw], axis=-1)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -80,19 +80,33 @@ def solve_session(
     """
     session, robot, table = load_session(directory, drop)
     calibration = calibrate(robot, table, method)
-    made_from = {
-        path.name: _sha256(path)
-        for path in (session.robot_yaml, session.poses_csv, robot.urdf_path)
-        if path is not None
-    }
+    result = calibration_json(calibration, input_hashes(session, robot))
+    return Solved(session, calibration, write_result(session, result))
+
+
+def input_hashes(session: Session, robot: Robot) -> dict[str, str]:
+    """Return the SHA-256 of what a result of *session* is made from, by file name."""
+    paths = (session.robot_yaml, session.poses_csv, robot.urdf_path)
+    return {path.name: _sha256(path) for path in paths if path is not None}
+
+
+def write_result(session: Session, result: Mapping[str, object]) -> tuple[Path, ...]:
+    """Write ``results/NNN/result.json`` and ``used.csv``; return their paths.
+
+    Parameters
+    ----------
+    session : Session
+    result : mapping
+        What ``result.json`` is to hold.
+    """
     folder = session.new_result_folder()
-    result = folder / "result.json"
-    text = json.dumps(calibration_json(calibration, made_from), indent=1, allow_nan=False)
-    result.write_text(text + "\n", encoding="utf-8")
+    path = folder / "result.json"
+    text = json.dumps(result, indent=1, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
     used = folder / "used.csv"
     shutil.copyfile(session.poses_csv, used)
     session.publish_result(folder)
-    return Solved(session, calibration, (result, used))
+    return path, used
 
 
 def _sha256(path: Path) -> str:

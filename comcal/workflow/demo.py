@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
+from comcal.errors import MissingExtraError, UsageError
 from comcal.measure.progress import OnEvent, ignore
 from comcal.workflow.calibrate import Solved, solve_session
 from comcal.workflow.record import RecordOrder, record_session
@@ -48,7 +50,7 @@ class Demo:
 def choose_engine(wanted: str | None = None) -> EngineChoice:
     """Return *wanted*, or the best engine that is installed."""
     if wanted:
-        return EngineChoice(wanted, "as asked")
+        return EngineChoice(wanted, "it was asked for")
     missing = [engine for engine in ENGINES if find_spec(engine) is None]
     present = next((engine for engine in ENGINES if engine not in missing), None)
     if present == ENGINES[0]:
@@ -95,9 +97,12 @@ def run_demo(
     generate = robot_generator(robot)
     directory = _free_folder(parent)
     robot_yaml = generate(directory / "robot")
-    outcome = record_session(
-        RecordOrder(robot_yaml, directory / "session", choice.source, seed=seed), on_event
-    )
+    order = RecordOrder(robot_yaml, directory / "session", choice.source, seed=seed)
+    try:
+        outcome = record_session(order, on_event)
+    except (UsageError, MissingExtraError):
+        shutil.rmtree(directory)  # made a moment ago, and nothing was measured
+        raise
     solved = solve_session(outcome.session.directory)
     return Demo(choice, outcome.seed, directory, robot_yaml, solved)
 

@@ -189,6 +189,13 @@ def _collect(cell: _Cell, trials: Mapping[TrialKey, Trial]) -> Trials:
     names = cell.subject.quantities.names
     chosen = [trials[key] for key in cell.keys]
     good = [trial for trial in chosen if not trial.failed]
+    for trial in good:
+        if len(trial.error) != len(names) or max(trial.withheld, default=0) >= len(names):
+            raise DataError(
+                f"{len(trial.error)} results of {len(names)} quantities",
+                where=f"{trial.key}",
+                next_step="delete its line from results.jsonl: it is then run again",
+            )
     reported = np.ones((len(good), len(names)), dtype=np.bool_)
     for row, trial in enumerate(good):
         reported[row, list(trial.withheld)] = False

@@ -13,16 +13,12 @@ from contextlib import contextmanager
 from multiprocessing import get_context, parent_process
 from typing import Any, TypeVar
 
-from comcal.errors import ComcalError
+from comcal.errors import UsageError
 
 Result = TypeVar("Result")
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Small matrices get slower by threads, and sums may be ordered differently."""
-
-
-class WorkerError(ComcalError):
-    """A worker process ended in the middle of its work."""
 
 
 def run_in_processes(
@@ -42,7 +38,7 @@ def run_in_processes(
 
     Raises
     ------
-    WorkerError
+    UsageError
         If a worker died, for instance for lack of memory.
     """
     with _one_thread_each():
@@ -51,7 +47,7 @@ def run_in_processes(
             for done in as_completed([executor.submit(function, *call) for call in calls]):
                 yield done.result()
         except BrokenProcessPool as died:
-            raise WorkerError(
+            raise UsageError(
                 "a worker process died",
                 next_step="type the same command again, with fewer --workers if memory is short; "
                 "what was finished is kept",

@@ -103,7 +103,7 @@ class StudyFolder:
         for number, line in enumerate(self.results.read_text("utf-8").splitlines(), start=1):
             try:
                 trial = _trial_from(json.loads(line))
-            except (ValueError, TypeError, KeyError) as problem:
+            except (ValueError, TypeError, KeyError, AttributeError) as problem:
                 raise DataError(
                     "the line is damaged",
                     where=f"{self.results}:{number}",
@@ -142,5 +142,8 @@ def _line(trial: Trial) -> bytes:
 
 def _trial_from(fields: dict[str, Any]) -> Trial:
     key = TrialKey(**{name: fields.pop(name) for name in TrialKey.__dataclass_fields__})
-    lists = {name: tuple(fields.pop(name)) for name in ("error", "sigma", "withheld")}
-    return Trial(key, **lists, **fields)
+    error, sigma = (tuple(map(float, fields.pop(name))) for name in ("error", "sigma"))
+    withheld = tuple(map(int, fields.pop("withheld")))
+    if len(error) != len(sigma) or bool(error) == bool(fields["failed"]):
+        raise ValueError("an estimate without its sigma")
+    return Trial(key, error, sigma, withheld, **fields)

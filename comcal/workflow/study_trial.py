@@ -46,6 +46,10 @@ class Trial:
         In the order of the robot's quantities [kg], [m]; empty where it failed.
     withheld : tuple of int
         Positions of quantities that this calibration would not have reported.
+    rank, dof, iterations : int
+        Of the fit.
+    chi2 : float
+        Weighted sum of its squared residuals.
     failed : str
         Why there is no result; usually empty.
     """

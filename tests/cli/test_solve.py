@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
@@ -89,8 +90,6 @@ def test_the_report_ends_in_one_verdict_with_limits_beside_it(
 def test_a_limit_that_is_not_met_is_exit_5(
     noisy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    import shutil
-
     session = Path(shutil.copytree(noisy, tmp_path / "s", symlinks=True))
     robot = session / "robot.yaml"
     robot.write_text(robot.read_text().replace("com_error: 5 mm", "com_error: 0.01 mm"))
@@ -109,6 +108,96 @@ def test_as_published_stands_beside_the_corrected_answer(
     published = [line for line in lines if line.startswith("as published, all together")]
     assert len(published) == 2
     assert all(line.split()[-4:] != urdf.split()[-4:] for line in published)
+
+
+@pytest.mark.parametrize("option", ["--as-published", "--masses"])
+def test_what_json_cannot_hold_is_refused_instead_of_ignored(
+    option: str, noisy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["solve", str(noisy), "--json", option]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "leave out --json" in err
+
+
+@pytest.fixture
+def handmade(noisy: Path, tmp_path: Path) -> Path:
+    """What any logger can write: robot.yaml, the URDF and poses.csv, without the last line end."""
+    folder = tmp_path / "handmade"
+    folder.mkdir()
+    for name in ("robot.yaml", "table1.urdf"):
+        shutil.copy(noisy / name, folder)
+    (folder / "poses.csv").write_bytes((noisy / "poses.csv").read_bytes().rstrip(b"\n"))
+    return folder
+
+
+def test_robot_urdf_and_poses_are_all_that_is_needed(
+    handmade: Path, noisy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    by_hand, recorded = (result_of(folder, capsys) for folder in (handmade, noisy))
+    assert [c["pose"] for c in by_hand["coefficients"]] == list(range(1, 26))
+    for key in ("mass", "links", "total_com", "verdict"):
+        assert by_hand[key] == recorded[key]
+    assert {path.name for path in handmade.iterdir()} == {
+        "robot.yaml", "table1.urdf", "poses.csv", "results"
+    }  # fmt: skip
+
+
+def test_a_session_that_lost_its_session_yaml_does_not_pass_for_one_made_by_hand(
+    noisy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    session = Path(shutil.copytree(noisy, tmp_path / "s", symlinks=True))
+    (session / "session.yaml").unlink()
+    assert main(["solve", str(session)]) == 2
+    assert "session.yaml is gone" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("lost", "words"),
+    [
+        (["poses.csv"], "no poses.csv either"),
+        (["robot.yaml", "poses.csv"], "no robot.yaml and poses.csv either"),
+        (["table1.urdf"], "table1.urdf"),
+    ],
+)
+def test_what_a_handmade_folder_lacks_is_named(
+    lost: list[str], words: str, handmade: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in lost:
+        (handmade / name).unlink()
+    assert main(["solve", str(handmade)]) == 2
+    assert words in capsys.readouterr().err
+    assert not (handmade / "results").exists()
+
+
+def test_a_folder_that_is_not_there_is_called_that(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["solve", str(tmp_path / "mondya")]) == 2
+    assert "there is no such folder" in capsys.readouterr().err
+
+
+def test_a_chain_gets_result_files_and_the_exit_code_of_its_verdict(
+    root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, session = root / "tests" / "golden" / "cotton2009", tmp_path / "s"
+    typed = ["import", str(log / "table1.csv"), "--map", str(log / "map.yaml"), "-s", str(session)]
+    assert main(typed) == 0
+    # Without the many readings of conventions.yaml this takes a moment instead of seconds.
+    (session / "conventions.yaml").unlink()
+    capsys.readouterr()
+    held_out = "4,7,8,14,15"  # leaves fourteen poses for thirteen unknowns
+    assert main(["solve", str(session), "--held-out", held_out, "--json"]) == 3
+    printed = json.loads(capsys.readouterr().out)
+    latest = session / "results" / "latest"
+    assert json.loads((latest / "result.json").read_text("utf-8")) == printed
+    assert printed["verdict"] == "not_identifiable"
+    assert set(printed["sha256"]) == {"robot.yaml", "poses.csv"}
+    assert main(["solve", str(session), "--drop", "3"]) == 0
+    out = capsys.readouterr().out
+    assert f"wrote {session / 'results' / '002' / 'result.json'}" in out
+    for option in ("--masses", "--as-published", "--method=lstsq"):
+        assert main(["solve", str(session), option]) == 2
 
 
 def test_dropped_poses_are_left_out(noisy: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -158,6 +247,14 @@ def test_the_demo_ends_in_a_verdict_and_overwrites_nothing(
         assert "Verdict: PASSED" in out
         assert "next: comcal solve" in out
         assert (tmp_path / folder / "session" / "results" / "latest" / "result.json").is_file()
+
+
+def test_a_demo_that_cannot_begin_leaves_nothing_behind(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["demo", "--source", "nothing", "-o", str(tmp_path)]) == 2
+    assert "there is no source 'nothing'" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.engine

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import importlib
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -112,3 +114,11 @@ def table1_roll(tmp_path_factory: pytest.TempPathFactory) -> Bench:
 def biped14(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     """The 64 kg biped with 14 joints."""
     return _bench(biped14_robot.generate, tmp_path_factory.mktemp("biped14"))
+
+
+@pytest.fixture(scope="session")
+def odd() -> Iterator[ModuleType]:
+    """Awkward robots and what their sensors read: ``tests/oracles/odd_robots.py``."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).resolve().parent.parent / "oracles"))
+        yield importlib.import_module("odd_robots")

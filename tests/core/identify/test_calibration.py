@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from comcal.errors import RankError
+from comcal.identify.cad_inputs import cad_inputs
 from comcal.identify.calibration import Method, Verdict, calibrate
 from comcal.identify.difference import route_difference
 from comcal.identify.paper_route import paper_route
@@ -55,9 +56,23 @@ def test_total_com_at_a_posture_is_that_of_the_tree(name, request):
     bench = request.getfixturevalue(name)
     fit = solve_all(bench.robot, bench.measure()).adjustment
     for pose in bench.plan[:20:5]:
-        xyz, _, _ = total_com_at(fit, pose.support, pose.q[None])
+        xyz, _, _ = total_com_at(fit, cad_inputs(fit), pose.support, pose.q[None])
         carrier = carrier_of(bench.robot, pose.support)
         at = placed_in_stance(bench.robot, carrier, pose.q[None])
+        np.testing.assert_allclose(xyz, at.total_com(), atol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "link"), [("table1", "waist"), ("biped14", "torso")])
+def test_total_com_is_right_although_a_link_weighs_more_than_in_cad(name, link, request):
+    bench = request.getfixturevalue(name)
+    links = tuple(
+        replace(k, mass=k.mass + 1.0) if k.name == link else k for k in bench.robot.tree.links
+    )
+    true = replace(bench.robot, tree=replace(bench.robot.tree, links=links))
+    fit = solve_all(bench.robot, bench.measure(true_robot=true)).adjustment
+    for pose in bench.plan[:20:5]:
+        xyz, _, _ = total_com_at(fit, cad_inputs(fit), pose.support, pose.q[None])
+        at = placed_in_stance(true, carrier_of(true, pose.support), pose.q[None])
         np.testing.assert_allclose(xyz, at.total_com(), atol=1e-9)
 
 

@@ -103,7 +103,7 @@ PLATES = "plates:\n  floor: {frame: world, feet: [left, right]}\n"
                 LEFT: "left: {link: l_sole, sensor: r_foot}",
                 RIGHT: "",
                 PLATES: "",
-                "mass: 300 g,": "override: true, mass: 300 g,",
+                ", below: {mass: 300 g, com: [20 mm, 0, -0.02]}": "",
             },
             "WARNING",
             "more than half",

@@ -25,12 +25,43 @@ def test_nothing_is_left_of_the_balance_of_a_robot_at_rest(name, request):
         assert np.abs(left).max() < 1e-9
 
 
-@pytest.mark.parametrize("name", ["table1_roll", "biped14"])
-def test_input_jacobian_equals_finite_differences_away_from_equilibrium(name, request):
-    bench = request.getfixturevalue(name)
-    robot, rng = bench.robot, np.random.default_rng(4)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_nothing_is_left_of_the_balance_of_an_awkward_robot_on_any_slope(seed, odd):
+    rng = np.random.default_rng(seed)
+    robot = odd.odd_biped(rng)
+    plan = awkward_plan(robot, rng)
+    for group in groups_of(robot, odd.ideal_table(robot, plan, rng=rng)):
+        carried = robot.tree.total_mass - group.below_mass
+        balance = balance_at(robot, group.carrier, group.q, group.w)
+        assert np.abs(residual(balance, carried, moments_of(robot))).max() < 1e-9
+        # A gram too much weighs g newtons; S enters as S x up.
+        heavier = residual(balance, carried + 1e-3, moments_of(robot))
+        np.testing.assert_allclose(heavier[:, 0], -1e-3 * robot.gravity, atol=1e-9)
+
+
+def awkward_plan(robot, rng):
+    names = robot.tree.joint_names
+    return [
+        PlannedPose(
+            i, rng.normal(0, 0.3, len(names)), support,
+            floor_roll=float(rng.normal(0, 0.1)), floor_pitch=float(rng.normal(0, 0.1)),
+        )
+        for i, support in enumerate(["double", "left", "right"] * 3)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["table1_roll", "biped14", 11, 12])
+def test_input_jacobian_equals_finite_differences_away_from_equilibrium(name, odd, request):
+    """Numbers: seeds of awkward robots with slides, mimics and leaning axes."""
+    if isinstance(name, int):
+        rng = np.random.default_rng(name)
+        robot = odd.odd_biped(rng)
+        table = odd.ideal_table(robot, awkward_plan(robot, rng), rng=rng)
+    else:
+        bench = request.getfixturevalue(name)
+        robot, rng, table = bench.robot, np.random.default_rng(4), bench.measure()
     h = moments_of(robot) + rng.normal(0, 0.05, (len(robot.tree.links), 3))
-    for group in groups_of(robot, bench.measure()):
+    for group in groups_of(robot, table):
         q = group.q[:3] + rng.normal(0, 0.2, group.q[:3].shape)
         w = group.w[:3] + rng.normal(0, 5.0, group.w[:3].shape)
 

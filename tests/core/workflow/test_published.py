@@ -65,7 +65,7 @@ def recorded(robot, poses):
         q=np.array([state.q for state in states]),
         q_cov=zero,
         wrench={s: np.array([state.wrenches[s] for state in states]) for s in robot.sensors},
-        wrench_cov={s: np.zeros((n, 6, 6)) for s in robot.sensors},
+        wrench_cov={s: np.tile(np.eye(6) * 1e-4, (n, 1, 1)) for s in robot.sensors},
         torque=np.array([state.torques for state in states]),
         torque_var=zero,
         current=unknown,

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+r"""Errors that all poses of a session share: the tares of the force sensors.
+
+With S the block-diagonal covariance of the rows from what every pose has for itself, and C their
+reaction to the tares in units of the tares' standard deviations, the rows have the covariance
+:math:`S + C C^T`, whose inverse is, by Woodbury,
+
+.. math:: S^{-1} - S^{-1} C D^{-1} C^T S^{-1}, \qquad D = 1 + C^T S^{-1} C .
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from comcal.identify.linearise import Group, Linearised
+from comcal.robot.tree import Array
+
+
+@dataclass(frozen=True)
+class RowErrors:
+    """Everything that disturbs the rows of a session.
+
+    Parameters
+    ----------
+    groups : tuple of Group
+    linear : tuple of Linearised, one per group
+    roots : tuple of array, one per group, each shape (n_inputs, n_shared)
+        Change of the inputs of any pose by one standard deviation of each shared error.
+    """
+
+    groups: tuple[Group, ...]
+    linear: tuple[Linearised, ...]
+    roots: tuple[Array, ...]
+
+    @property
+    def C(self) -> tuple[Array, ...]:
+        """Change of the rows by one standard deviation of each shared error, (N, 4, n_shared)."""
+        return tuple(a.B @ root for a, root in zip(self.linear, self.roots, strict=True))
+
+    def weighted(self, rows: Sequence[Array]) -> tuple[Array, ...]:
+        """Multiply columns of all rows by the inverse of their whole covariance.
+
+        Parameters
+        ----------
+        rows : sequence of array, one per group, each shape (N, 4, n_columns)
+        """
+        C = self.C
+        alone = [a.W @ r for a, r in zip(self.linear, rows, strict=True)]
+        W_C = [a.W @ c for a, c in zip(self.linear, C, strict=True)]
+        D = np.eye(C[0].shape[2]) + over_poses(C, W_C)
+        shared = np.linalg.solve(D, over_poses(C, alone))
+        return tuple(x - w @ shared for x, w in zip(alone, W_C, strict=True))
+
+    def adjusted_inputs(self, weighted: Sequence[Array]) -> list[Array]:
+        """Return the inputs freed of the errors that explain the residuals best.
+
+        Parameters
+        ----------
+        weighted : sequence of array, one per group, each shape (N, 4)
+            Residuals times the inverse covariance.
+        """
+        shared = over_poses(self.C, [x[:, :, None] for x in weighted])[:, 0]
+        return [
+            group.inputs
+            - np.einsum("nij,nkj,nk->ni", group.cov, a.B, x, optimize=True)
+            - root @ shared
+            for group, a, x, root in zip(
+                self.groups, self.linear, weighted, self.roots, strict=True
+            )
+        ]
+
+
+def row_errors(groups: Sequence[Group], linear: Sequence[Linearised]) -> RowErrors:
+    """Collect the errors of linearised groups."""
+    return RowErrors(tuple(groups), tuple(linear), shared_roots(groups))
+
+
+def shared_roots(groups: Sequence[Group]) -> tuple[Array, ...]:
+    """Return what one standard deviation of each shared error does to the inputs of each group.
+
+    Parameters
+    ----------
+    groups : sequence of Group
+
+    Returns
+    -------
+    tuple of array, one per group, each shape (n_inputs, n_shared)
+        A sensor that is loaded in several kinds of support has one tare.
+    """
+    tares = {
+        sensor: cov
+        for group in groups
+        for sensor, cov in zip(group.carrier.sensors, group.tare_cov, strict=True)
+        if cov.any()
+    }
+    roots: list[Array] = []
+    for group in groups:
+        root = np.zeros((group.cov.shape[1], 6 * len(tares)))
+        for k, (sensor, cov) in enumerate(tares.items()):
+            if sensor in group.carrier.sensors:
+                at = 6 * group.carrier.sensors.index(sensor)
+                root[at : at + 6, 6 * k : 6 * k + 6] = _square_root(cov)
+        roots.append(root)
+    return tuple(roots)
+
+
+def _square_root(cov: Array) -> Array:
+    value, vector = np.linalg.eigh(cov)
+    return vector * np.sqrt(np.clip(value, 0.0, None))
+
+
+def over_poses(left: Sequence[Array], right: Sequence[Array]) -> Array:
+    """Return the sum over all poses of left^T right, shape (n_left, n_right).
+
+    Parameters
+    ----------
+    left, right : sequence of array, one per group, each shape (N, 4, n_left) and (N, 4, n_right)
+    """
+    return np.sum(
+        [np.einsum("nik,nij->kj", a, b) for a, b in zip(left, right, strict=True)], axis=0
+    )

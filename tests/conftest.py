@@ -4,12 +4,19 @@
 from __future__ import annotations
 
 import os
+import signal
 from pathlib import Path
 
 import hypothesis
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
+
+# A test run in the background of a shell, or under nohup, ignores these; the programs that tests
+# start and interrupt must not inherit that.
+for _ignored in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
+    if signal.getsignal(_ignored) is signal.SIG_IGN:
+        signal.signal(_ignored, signal.SIG_DFL)
 
 # The same examples on every machine; `--hypothesis-profile=random` draws new ones.
 _COMMON = {"deadline": None, "print_blob": True}

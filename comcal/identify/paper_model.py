@@ -11,14 +11,15 @@ import numpy.typing as npt
 
 from comcal.measure.table import PoseTable
 from comcal.robot.frames import apply
+from comcal.robot.kinematics import Placements
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
 from comcal.statics.coefficients import coefficients_from_wrench, total_wrench
 from comcal.statics.configurations import (
     Configuration,
     ankle_point,
+    mean_tilts,
     placed_in_stance,
-    tilts_from_angles,
 )
 from comcal.statics.cramer import Choice, solve_choices
 from comcal.statics.planar import ComplexArray, PlanarChain, placed_configurations
@@ -221,44 +222,38 @@ class Model:
         tree, carrier = self.robot.tree, shape.configuration.carrier
         n_joints, batch = len(tree.joint_names), len(inputs)
         if shape.given:
-            q = inputs[:, None, 3:]
+            at = placed_in_stance(self.robot, carrier, inputs[:, 3:])
+            foot = foot_side_values(self.robot, shape, at, cad)
             mass = tree.total_mass + cad[:, 0]
-            com = _given_com(self.robot, shape, inputs[:, :3], q[:, 0])
-            return com, mass, q[:, 0], self._shift(shape, q, cad)
+            com = _given_com(shape, inputs[:, :3], at)
+            return com, mass, inputs[:, 3:], _moment_shift(foot, cad)
         rows = inputs.reshape(batch, len(shape.inputs), -1)
         w = rows[..., :-n_joints].reshape(batch * rows.shape[1], -1, 6)
         q = rows[..., -n_joints:]
-        w_P = total_wrench(self.robot, carrier, q.reshape(-1, n_joints), w)
-        w_P = w_P.reshape(batch, -1, 6)
+        at = placed_in_stance(self.robot, carrier, q.reshape(-1, n_joints))
+        w_P = total_wrench(carrier, at, w).reshape(batch, -1, 6)
         mass = np.mean(np.linalg.norm(w_P[..., :3], axis=-1), axis=1) / self.robot.gravity
-        foot = foot_side_values(self.robot, shape, q, cad)
-        tilts = tilts_from_angles(self.robot, shape.configuration, q)
+        foot = foot_side_values(self.robot, shape, at, cad)
+        R = at.R.reshape(batch, -1, *at.R.shape[1:])
+        tilts = mean_tilts(self.robot, shape.configuration, R)
         com = total_com(coefficients_from_wrench(w_P), mass, tilts, foot)
-        return com, mass, q[:, 0], self._shift(shape, q, cad)
-
-    def _shift(self, shape: Shape, q: Array, cad: Array) -> ComplexArray:
-        """Return by how much the feet's first moment deviates from CAD, z + j x, shape (B,)."""
-        foot = foot_side_values(self.robot, shape, q[:, :1], cad)
-        nominal = foot_side_values(self.robot, shape, q[:, :1], np.zeros((1, 4)))
-        moment, as_in_cad = (f.mass * (f.l[:, 0] + 1j * f.r[:, 0]) for f in (foot, nominal))
-        return moment - as_in_cad
+        return com, mass, q[:, 0], _moment_shift(foot, cad)
 
 
-def foot_side_values(robot: Robot, shape: Shape, q: Array, cad: Array) -> FootSide:
-    """Return m_u, r_u, l_u, A and U of a batch of shapes in K poses, deviations of CAD added.
+def foot_side_values(robot: Robot, shape: Shape, at: Placements, cad: Array) -> FootSide:
+    """Return m_u, r_u, l_u, A and U of B shapes in K poses each, deviations of CAD added.
 
     Parameters
     ----------
-    q : array, shape (B, K, n_joints)
-    cad : array, shape (B or 1, 4)
+    at : Placements
+        Of B K poses, seen from P.
+    cad : array, shape (B, 4)
     """
-    carrier = shape.configuration.carrier
-    at = placed_in_stance(robot, carrier, q.reshape(-1, q.shape[-1]))
     masses = robot.tree.masses * shape.feet
     m_u = float(masses.sum())
     moment = np.einsum("k,nki->ni", masses, at.coms)
-    com = (moment / m_u if m_u > 0 else np.zeros_like(moment)).reshape(*q.shape[:2], 3)
-    ankle = ankle_point(robot, carrier, at).reshape(*q.shape[:2], 3)
+    com = (moment / m_u if m_u > 0 else np.zeros_like(moment)).reshape(len(cad), -1, 3)
+    ankle = ankle_point(robot, shape.configuration.carrier, at).reshape(len(cad), -1, 3)
     return FootSide(
         mass=m_u + cad[:, 0],
         r=com[..., 0] + cad[:, 1, None],
@@ -268,11 +263,17 @@ def foot_side_values(robot: Robot, shape: Shape, q: Array, cad: Array) -> FootSi
     )
 
 
-def _given_com(robot: Robot, shape: Shape, com: Array, q: Array) -> Array:
+def _moment_shift(foot: FootSide, cad: Array) -> ComplexArray:
+    """Return by how much the feet's first moment deviates from CAD, z + j x, shape (B,)."""
+    com = foot.l[:, 0] + 1j * foot.r[:, 0]
+    as_in_cad = (foot.mass - cad[:, 0]) * (com - cad[:, 2] - 1j * cad[:, 1])
+    return foot.mass * com - as_in_cad
+
+
+def _given_com(shape: Shape, com: Array, at: Placements) -> Array:
     """Return a given CoM in P, shape (B, 3)."""
     if shape.com_link is None:
         return com
-    at = placed_in_stance(robot, shape.configuration.carrier, q)
     return apply(at.R[:, shape.com_link], com) + at.p[:, shape.com_link]
 
 

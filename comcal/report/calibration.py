@@ -186,11 +186,16 @@ def _solution(console: Console, solution: Solution, *, full: bool) -> None:
     if np.isnan(held.com_rms):
         console.print("a single pose leaves nothing to hold out")
         return
-    lines = (
+    lines = [
         f"total CoM off the measured line by {held.com_rms * MM:.2f} mm rms (95 % upper end "
         f"{held.com_upper * MM:.2f} mm), {held.poses} poses",
         f"force {held.force_rms:.2f} N rms, moment {held.moment_rms:.3f} N m rms",
-    )
+    ]
+    if held.rank_lost:
+        lines.append(
+            f"{held.rank_lost} time(s) the poses left out were the only ones of their kind: they "
+            "were predicted with values of the URDF"
+        )
     print_lines(console, lines)
 
 

@@ -10,11 +10,11 @@ import numpy.typing as npt
 
 from comcal.errors import NotBalancedError
 from comcal.measure.table import PoseTable
-from comcal.robot.kinematics import place_links
+from comcal.robot.kinematics import Placements
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
+from comcal.statics.configurations import placed_in_stance
 from comcal.statics.joint_slopes import joint_slopes
-from comcal.statics.stance import in_stance, stance_frame
 from comcal.statics.support import (
     Carrier,
     loaded_wrenches,
@@ -57,23 +57,23 @@ class BalanceCoefficients:
         return np.sqrt(np.einsum("nii->ni", self.cov))
 
 
-def total_wrench(robot: Robot, carrier: Carrier, q: Array, w: Array) -> Array:
+def total_wrench(carrier: Carrier, at: Placements, w: Array) -> Array:
     """Return the wrench of the ground on the carried links, about P, in P, shape (N, 6).
 
     Parameters
     ----------
-    q : array, shape (N, n_joints)
+    at : Placements
+        Of N poses, seen from P.
     w : array, shape (N, n_sensors, 6)
         Ground on robot, in and about each loaded sensor's frame.
     """
-    return np.einsum("nsij,nsj->ni", to_stance(robot, carrier, q), w)
+    return np.einsum("nsij,nsj->ni", to_stance(carrier, at), w)
 
 
-def to_stance(robot: Robot, carrier: Carrier, q: Array) -> Array:
+def to_stance(carrier: Carrier, at: Placements) -> Array:
     """Return the matrices that take each loaded wrench to P, shape (N, n_sensors, 6, 6)."""
-    placements = place_links(robot.tree, q)
-    at = in_stance(*stance_frame(robot, carrier.support, placements), placements)
-    identity = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
+    n = len(at.p)
+    identity = np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3))
     frames = [identity if k is None else (at.R[:, k], at.p[:, k]) for k in carrier.frames]
     return np.stack([wrench_transform(R, p) for R, p in frames], axis=1)
 
@@ -127,9 +127,10 @@ def balance_coefficients(robot: Robot, table: PoseTable) -> BalanceCoefficients:
         part = table.select(rows)
         w, w_cov = loaded_wrenches(carrier, part)
         w_cov = w_cov + tare_covariances(carrier, table)
-        w_P = total_wrench(robot, carrier, part.q, w)
+        at = placed_in_stance(robot, carrier, part.q)
+        w_P = total_wrench(carrier, at, w)
         _refuse_unloaded(table, rows, w_P)
-        X, D = to_stance(robot, carrier, part.q), _angle_jacobian(robot, carrier, part.q, w)
+        X, D = to_stance(carrier, at), _angle_jacobian(robot, carrier, part.q, w)
         w_P_cov = np.einsum("nsij,nsjk,nslk->nil", X, w_cov, X, optimize=True)
         w_P_cov += np.einsum("nij,nj,nkj->nik", D, part.q_cov, D)
         J = coefficients_jacobian(w_P)
@@ -153,7 +154,8 @@ def _angle_jacobian(robot: Robot, carrier: Carrier, q: Array, w: Array) -> Array
     """
 
     def total(moved: Array) -> Array:
-        return total_wrench(robot, carrier, moved, np.tile(w, (len(moved) // len(q), 1, 1)))
+        at = placed_in_stance(robot, carrier, moved)
+        return total_wrench(carrier, at, np.tile(w, (len(moved) // len(q), 1, 1)))
 
     return joint_slopes(total, q)
 

@@ -123,12 +123,13 @@ def pitch_between(R_from: Array, R_to: Array) -> Array:
     return np.arctan2(turn[..., 0, 2] - turn[..., 2, 0], turn[..., 0, 0] + turn[..., 2, 2])
 
 
-def tilts_from_angles(robot: Robot, configuration: Configuration, q: Array) -> Array:
+def mean_tilts(robot: Robot, configuration: Configuration, R: Array) -> Array:
     """Return how far each posture is tilted against the first, shape (..., K) [rad].
 
     Parameters
     ----------
-    q : array, shape (..., K, n_joints)
+    R : array, shape (..., K, n_links, 3, 3)
+        Axes of all links in P.
 
     Notes
     -----
@@ -137,9 +138,8 @@ def tilts_from_angles(robot: Robot, configuration: Configuration, q: Array) -> A
     body = np.flatnonzero(~configuration.foot_side & configuration.carrier.carried)
     weights = robot.tree.masses[body]
     if weights.sum() <= 0:
-        return np.zeros(q.shape[:-1])
-    at = placed_in_stance(robot, configuration.carrier, q.reshape(-1, q.shape[-1]))
-    R = at.R[:, body].reshape(*q.shape[:-1], len(body), 3, 3)
+        return np.zeros(R.shape[:-3])
+    R = R[..., body, :, :]
     return pitch_between(R[..., :1, :, :, :], R) @ (weights / weights.sum())
 
 

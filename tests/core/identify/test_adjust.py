@@ -41,6 +41,7 @@ def test_a_robot_far_from_its_urdf_comes_back_exactly_where_it_is_seen(name, req
     error = (found.theta - wanted) / found.unknowns.scale
     assert np.abs(found.seen.T @ error).max() < 1e-7
     assert found.chi2 < 1e-6
+    assert max(np.abs(r).max() for r in found.residuals) < 1e-6
     single = found.visibility(np.eye(found.unknowns.size)) < 1e-6
     assert single.sum() >= (7 if name == "table1" else 20)
     assert np.abs(error[single]).max() < 1e-7

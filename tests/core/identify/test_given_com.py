@@ -95,14 +95,14 @@ def test_links_from_given_coms_scatter_as_they_say(frame, skewed):
     exact = replace(robot, tolerances=replace(tolerances, link_com=0.0, link_mass=0.0))
     best = paper_route(exact, table).choices[0]
     w = []
-    for _ in range(150):
+    for _ in range(100):
         com = table.com + np.sqrt(table.com_var) * rng.standard_normal(table.com.shape)
         q = table.q + np.sqrt(table.q_cov) * rng.standard_normal(table.q.shape)
         drawn = paper_route(exact, replace(table, com=com, q=q)).choices
         same = next(c for c in drawn if c.choice.solving == best.choice.solving)
         w.append(np.stack([same.w.imag, same.w.real], axis=1).ravel())
-    # 150 draws: a standard deviation is uncertain by 6 %.
-    assert np.abs(np.std(w, axis=0) / np.sqrt(np.diag(best.cov)) - 1).max() < 0.25
+    # 100 draws: a standard deviation is uncertain by 7 %.
+    assert np.abs(np.std(w, axis=0) / np.sqrt(np.diag(best.cov)) - 1).max() < 0.3
     # An error of x in P, in whatever frame the CoM is given.
     in_P = paper_route(exact, with_com(skewed, shapes(skewed))).choices[0]
     np.testing.assert_allclose(best.noise_gain, in_P.noise_gain, rtol=1e-6)

@@ -91,11 +91,12 @@ def remedied(robot, plan, remedy, rng):
         q = first.q.copy()
         q[robot.tree.joint_names.index(joint.group(1))] += 0.5
         return replace(first, pose=99, q=q)
-    if foot:
+    if foot and "several" not in remedy:
         return replace(first, pose=99, support=foot.group(1))
     if "several joints" in remedy:
         q = first.q + rng.normal(0, 0.4, first.q.shape)
-        return replace(first, pose=99, q=q, floor_roll=0.15, floor_pitch=0.1)
+        support = foot.group(1)
+        return replace(first, pose=99, q=q, support=support, floor_roll=0.15, floor_pitch=0.1)
     if "slope" in remedy:
         return replace(first, pose=99, floor_roll=0.15, floor_pitch=0.1)
     return None

@@ -8,6 +8,7 @@ from comcal.identify.linearise import groups_of
 from comcal.measure.plan import PlannedPose
 from comcal.statics.balance import balance_at, first_moments, input_jacobian, residual
 from comcal.statics.coefficients import balance_coefficients, total_wrench
+from comcal.statics.configurations import placed_in_stance
 from comcal.statics.support import carrier_of
 
 
@@ -115,8 +116,9 @@ def test_coefficients_do_not_change_when_every_wrench_is_scaled(table1):
     robot = table1.robot
     carrier = carrier_of(robot, "double")
     w = np.stack([table.wrench[s] for s in carrier.sensors], axis=1)
-    once = total_wrench(robot, carrier, table.q, w)
-    twice = total_wrench(robot, carrier, table.q, 2.5 * w)
+    at = placed_in_stance(robot, carrier, table.q)
+    once = total_wrench(carrier, at, w)
+    twice = total_wrench(carrier, at, 2.5 * w)
     np.testing.assert_allclose(twice, 2.5 * once, rtol=1e-12, atol=1e-12)
 
 
@@ -125,9 +127,9 @@ def test_coefficient_sigmas_are_those_of_repeated_measurements(biped14):
     plan = [biped14.plan[i] for i in (3, 20, 30)]
     table = biped14.measure(plan)
     draws = [
-        balance_coefficients(biped14.robot, biped14.noisy(table, rng)).values for _ in range(300)
+        balance_coefficients(biped14.robot, biped14.noisy(table, rng)).values for _ in range(200)
     ]
     found = balance_coefficients(biped14.robot, table)
     ratio = np.std(draws, axis=0) / found.sigma
-    # 300 draws: the standard deviation itself is uncertain by 4.1 %.
-    assert np.abs(ratio - 1.0).max() < 0.17
+    # 200 draws: the standard deviation itself is uncertain by 5 %.
+    assert np.abs(ratio - 1.0).max() < 0.2

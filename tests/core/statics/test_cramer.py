@@ -59,36 +59,8 @@ def single_leg(n: int, rng: np.random.Generator) -> Robot:
     return Robot("chain", tree, sensors={"ft": Sensor("ft", "ft")}, feet={"only": foot})
 
 
-def ideal_table(robot, plan, bench_measure):
-    """Wrenches of poses that need not be balanced: the sensor carries any moment."""
-    from comcal.robot.kinematics import place_links
-
-    at = place_links(robot.tree, np.array([p.q for p in plan]))
-    carried = ~robot.below_cut["ft"]
-    m = robot.tree.masses * carried
-    F = np.array([0.0, 0.0, m.sum() * robot.gravity])
-    R, p = at.joint("ft")
-    com = np.einsum("k,nki->ni", m, at.coms) / m.sum()
-    w = np.concatenate([np.tile(F, (len(plan), 1)) @ R[0], np.cross(com - p, F) @ R[0]], axis=1)
-    table = bench_measure(len(plan))
-    n_joints = len(robot.tree.joint_names)
-    nan = np.full((len(plan), n_joints), np.nan)
-    return replace(
-        table,
-        pose=tuple(p.pose for p in plan),
-        support=("only",) * len(plan),
-        q=np.array([p.q for p in plan]),
-        q_cov=np.full((len(plan), n_joints), 1e-8),
-        wrench={"ft": w},
-        wrench_cov={"ft": np.tile(np.diag([0.01] * 3 + [1e-4] * 3), (len(plan), 1, 1))},
-        torque=nan, torque_var=nan, current=nan, current_var=nan,
-        configuration=tuple(p.configuration for p in plan),
-        tilt=np.full(len(plan), np.nan),
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5])
-def test_any_number_of_segments_comes_back_from_n_plus_one_shapes(n, table1):
+def test_any_number_of_segments_comes_back_from_n_plus_one_shapes(n, odd):
     rng = np.random.default_rng(100 + n)
     robot = single_leg(n, rng)
     shapes = np.zeros((n + 1, n))
@@ -102,9 +74,7 @@ def test_any_number_of_segments_comes_back_from_n_plus_one_shapes(n, table1):
             q = shape.copy()
             q[0] = tilt + (0.0 if n > 1 else 0.02 * i)
             plan.append(PlannedPose(len(plan) + 1, q, "only", f"c{i}", tilt))
-    found = paper_route(
-        robot, ideal_table(robot, plan, lambda n: table1.measure(table1.plan[:1] * n))
-    )
+    found = paper_route(robot, odd.ideal_table(robot, plan))
     assert found.chain is not None, found.reason
     # The root of this tree is the sole, so each link hangs on its own anchor.
     best = found.choices[0]
@@ -115,6 +85,72 @@ def test_any_number_of_segments_comes_back_from_n_plus_one_shapes(n, table1):
     for choice in found.choices:
         if choice.choice.checking:
             assert np.abs(choice.misfit).max() < 1e-10
+
+
+def bent_shapes(n_shapes):
+    """Twin pairs of Table 1 with the knees bent by equal steps."""
+    angles = np.linspace(0.0, 0.9, n_shapes)
+    plan = []
+    for i, bend in enumerate(angles):
+        for tilt in (0.0, 0.4):
+            q = {"ankle_pitch": bend / 2 - tilt, "knee": -bend}
+            plan.append((i, tilt, {f"{s}_{j}": a for s in "lr" for j, a in q.items()}))
+    return plan
+
+
+@pytest.mark.parametrize("n_shapes", [4, 5])
+def test_more_configurations_than_needed_give_every_choice_best_first(n_shapes, skewed, odd):
+    names = skewed.robot.tree.joint_names
+    plan = [
+        PlannedPose(k, np.array([q.get(n, 0.0) for n in names]), "double", f"c{i}", tilt)
+        for k, (i, tilt, q) in enumerate(bent_shapes(n_shapes))
+    ]
+    found = paper_route(skewed.robot, odd.ideal_table(skewed.robot, plan))
+    n = len(found.chain.segments)
+    assert n == 2
+    regular = [c.choice for c in found.choices]
+    assert len({c.solving for c in regular}) == len(regular)
+    assert len(regular) == n_shapes * (n_shapes - 1) // 2
+    determinants = [c.determinant for c in regular]
+    assert determinants == sorted(determinants, reverse=True)
+    for choice in found.choices:
+        assert sorted((*choice.choice.solving, *choice.choice.checking)) == list(range(n_shapes))
+        np.testing.assert_allclose(choice.w, found.choices[0].w, atol=1e-8)
+        assert np.abs(choice.misfit).max() < 1e-9
+
+
+def test_the_misfit_is_how_far_the_checking_com_is_off(skewed):
+    """Predicted minus measured, x and z [m]."""
+    from comcal.statics.configurations import placed_in_stance
+    from comcal.statics.support import carrier_of
+
+    plan = [p for p in skewed.plan if p.configuration and p.pose % 2]
+    table = skewed.measure(plan)
+    at = placed_in_stance(skewed.robot, carrier_of(skewed.robot, "double"), table.q)
+    com = at.total_com()
+    com[2] += [0.003, 0.0, -0.002]
+    empty = {s: np.full_like(w, np.nan) for s, w in table.wrench.items()}
+    table = replace(table, com=com, com_var=np.full((len(plan), 3), 1e-8), wrench=empty)
+    found = paper_route(skewed.robot, table)
+    checked = next(c for c in found.choices if c.choice.solving == (0, 1))
+    np.testing.assert_allclose(checked.misfit, [-0.003, 0.002], atol=1e-9)
+    assert (checked.misfit_sigma > 1e-4).all()
+
+
+def test_too_many_choices_are_refused_before_they_are_counted_out(odd):
+    rng = np.random.default_rng(3)
+    robot = single_leg(6, rng)
+    plan = []
+    for i in range(13):
+        shape = rng.uniform(-0.7, 0.7, 6)
+        for tilt in (0.0, 0.3):
+            q = shape.copy()
+            q[0] += tilt
+            plan.append(PlannedPose(len(plan), q, "only", f"c{i}", tilt))
+    found = paper_route(robot, odd.ideal_table(robot, plan))
+    assert found.chain is None
+    assert "500 choices" in found.reason
+    assert len(found.totals) == 13
 
 
 def test_table1_by_cramer_has_the_paper_s_values(table1):
@@ -183,7 +219,7 @@ def test_paper_route_sigmas_are_those_of_repeated_measurements(table1):
     plan = [p for p in table1.plan if p.configuration]
     table = table1.measure(plan)
     w, com = [], []
-    for _ in range(100):
+    for _ in range(60):
         found = paper_route(robot, table1.noisy(table, rng))
         solving = [c for c in found.choices if c.choice.solving == (1, 2)]
         w.append(solving[0].w)

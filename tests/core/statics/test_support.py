@@ -235,3 +235,18 @@ def test_wrenches_are_taken_in_the_order_of_the_carrier(odd_table):
     for s, name in enumerate(carrier.sensors):
         np.testing.assert_array_equal(w[:, s], table.wrench[name])
         np.testing.assert_array_equal(cov[:, s], table.wrench_cov[name])
+
+
+@pytest.mark.parametrize("support", ["double", "left"])
+def test_p_of_feet_without_sensors_starts_at_their_soles(support, odd):
+    rng = np.random.default_rng(9)
+    robot = without_sensors(odd.odd_biped(rng))
+    at = place_links(robot.tree, rng.normal(0, 0.3, (1, len(robot.tree.joint_names))))
+    soles = []
+    for name in ("left", "right") if support == "double" else (support,):
+        R, p = at.link(robot.feet[name].link)
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = R[0], p[0]
+        soles.append((T @ robot.feet[name].T_link_sole)[:3, 3])
+    _, origin = stance_frame(robot, support, at)
+    np.testing.assert_allclose(origin[0], np.mean(soles, axis=0), atol=1e-15)

@@ -60,6 +60,10 @@ SUBCOMMANDS: dict[str, Subcommand] = {
         "comcal.cli.solve:solve_command",
         "Total CoM and CoM of each link from a session, with intervals and a verdict.",
     ),
+    "derive": Subcommand(
+        "comcal.cli.derive:derive_command",
+        "Formulas as text, LaTeX, Python and C, for the paper's chain or your own robot.",
+    ),
     "study": Subcommand(
         "comcal.cli.study:study_command",
         "Calibrate simulated robots by the thousand and compare with the truth.",

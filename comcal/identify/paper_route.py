@@ -29,7 +29,7 @@ from comcal.statics.configurations import (
 )
 from comcal.statics.cramer import Choice, choices_of
 from comcal.statics.planar import ComplexArray, PlanarChain, placed_configurations, planar_chain
-from comcal.statics.support import Carrier, standing_feet
+from comcal.statics.support import Carrier, measured_supports, standing_feet
 from comcal.statics.two_pose import MIN_TILT, height_gain, spread
 
 
@@ -134,7 +134,7 @@ def paper_route(robot: Robot, table: PoseTable) -> PaperRoute:
     if not shapes:
         shapes, refused = _measured_shapes(robot, table)
     if not shapes:
-        why = str(refused[0]) if refused else "no two poses share a value of 'configuration'"
+        why = str(refused[0]) if refused else _why_nothing(robot, table)
         return PaperRoute((), tuple(refused), None, (), why, (), nothing, nothing)
     chain, choices, reason = _chain_and_choices(robot, shapes)
     model = Model(robot, tuple(shapes), table.tare_cov, chain, choices)
@@ -160,6 +160,12 @@ def paper_route(robot: Robot, table: PoseTable) -> PaperRoute:
         sensitivity=by_input[best],
         cov_cad=cov_cad[best, best],
     )
+
+
+def _why_nothing(robot: Robot, table: PoseTable) -> str:
+    if any(True for _ in measured_supports(robot, table)):
+        return "no two poses share a value of 'configuration'"
+    return "no standing pose has a wrench, or its CoM given in x and z"
 
 
 def given_shapes(robot: Robot, table: PoseTable) -> list[Shape]:

@@ -178,3 +178,18 @@ def test_one_shape_determines_the_mass_and_two_components_only(table1):
     plan = [PlannedPose(i, table1.pose()) for i in (1, 2, 3)]
     found = fit(table1.robot, table1.measure(plan))
     assert found.rank == 3
+
+
+def test_iteration_ends_when_every_direction_has_settled(table1, odd, monkeypatch):
+    clean = table1.measure()
+    cov = {name: 100.0 * c for name, c in clean.wrench_cov.items()}
+    table = odd.noisy(
+        replace(clean, wrench_cov=cov, q_cov=100.0 * clean.q_cov), np.random.default_rng(4)
+    )
+    found = fit(table1.robot, table)
+    monkeypatch.setattr("comcal.identify.adjust.CONVERGED", 1e-9)
+    monkeypatch.setattr("comcal.identify.adjust.ITERATIONS", 30)
+    settled = fit(table1.robot, table)
+    assert found.iterations < settled.iterations
+    in_sigmas = (found.theta - settled.theta) / found.unknowns.scale @ found.seen * found.singular
+    assert np.abs(in_sigmas).max() < 1e-3

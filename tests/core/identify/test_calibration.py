@@ -136,7 +136,7 @@ def test_noise_gain_predicts_what_an_error_of_alpha_does(table1):
     rng, weight = np.random.default_rng(3), 18.4 * 9.81
     best = paper_route(table1.robot, clean).choices[0]
     off = []
-    for _ in range(60):
+    for _ in range(40):
         w = {s: v.copy() for s, v in clean.wrench.items()}
         # An alpha error of 0.1 mm is a moment error about y, here given to one foot.
         w["l_foot"][:, 4] -= weight * 1e-4 * rng.standard_normal(len(plan))
@@ -144,5 +144,5 @@ def test_noise_gain_predicts_what_an_error_of_alpha_does(table1):
         same = next(c for c in found.choices if c.choice.solving == best.choice.solving)
         off.append(np.stack([same.w.imag, same.w.real], axis=1).ravel())
     ratio = np.std(off, axis=0) / (1e-4 * best.noise_gain)
-    # 60 draws: a standard deviation is uncertain by 9 %.
-    assert np.abs(ratio - 1).max() < 0.35
+    # 40 draws: a standard deviation is uncertain by 11 %.
+    assert np.abs(ratio - 1).max() < 0.4

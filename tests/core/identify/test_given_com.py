@@ -181,3 +181,12 @@ def test_a_session_that_only_hangs_says_so(method, table1):
         calibrate(table1.robot, table, method)
     assert "given CoMs" not in caught.value.what
     assert caught.value.next_step
+
+
+def test_a_session_of_centres_of_pressure_alone_says_what_is_missing(table1):
+    table = table1.measure(table1.plan[:4])
+    empty = {s: np.full_like(w, np.nan) for s, w in table.wrench.items()}
+    cop = np.full((4, 2), 0.01)
+    found = calibrate(table1.robot, replace(table, wrench=empty, cop=cop))
+    assert found.verdict is Verdict.NOT_IDENTIFIABLE
+    assert "no standing pose has a wrench" in found.reason

@@ -9,10 +9,13 @@ import pytest
 from comcal.errors import DataError
 from comcal.identify.adjust import adjust
 from comcal.identify.cad_inputs import cad_inputs
+from comcal.identify.held_out import prediction_errors
 from comcal.identify.linearise import groups_of
 from comcal.identify.solution import rotated_moment_functional, solve_all, total_com_at
 from comcal.identify.unknowns import unknowns_of
+from comcal.measure.plan import PlannedPose
 from comcal.robot.draw import draw_robot
+from comcal.robot.kinematics import place_links
 from comcal.robot.tree import Link
 from comcal.statics.configurations import placed_in_stance
 from comcal.statics.support import carrier_of
@@ -52,6 +55,37 @@ def test_carried_and_whole_com_are_those_of_the_tree(biped14):
         np.testing.assert_allclose(found.xyz, at.total_com()[0], atol=1e-8)
         heights = [heights[0] + found.xyz, heights[1] + found.carried_xyz]
     assert np.abs(heights[0] - heights[1]).max() > 1e-4
+
+
+def test_prediction_errors_are_those_of_the_wrench_and_of_the_line(odd):
+    """Of a model that is wrong, without any fitting; by hand in the root frame."""
+    rng = np.random.default_rng(5)
+    robot = odd.odd_biped(rng)
+    q = rng.normal(0, 0.3, (4, len(robot.tree.joint_names)))
+    plan = [PlannedPose(i, p, "left", floor_pitch=0.1) for i, p in enumerate(q)]
+    (group,) = groups_of(robot, odd.ideal_table(robot, plan))
+    unknowns = unknowns_of(robot)
+    theta = unknowns.cad + rng.normal(0, 0.05, unknowns.size)
+    theta[0] += 0.3
+    distance, force, moment = prediction_errors(robot, unknowns, group, theta)
+    h, at = unknowns.moments(theta), place_links(robot.tree, q)
+    R, p = at.joint("l_ft")
+    for i in range(4):
+        F = R[i] @ group.w[i, 0, :3]
+        M = R[i] @ group.w[i, 0, 3:] + np.cross(p[i], F)
+        above = np.flatnonzero(group.carrier.carried)
+        S = sum(robot.tree.masses[k] * at.p[i, k] + at.R[i, k] @ h[k] for k in above)
+        mass = theta[0] - group.below_mass
+        up = F / np.linalg.norm(F)
+        assert force[i] == pytest.approx(abs(np.linalg.norm(F) - mass * robot.gravity))
+        off = M - robot.gravity * np.cross(S, up)
+        assert moment[i] == pytest.approx(np.linalg.norm(off))
+        # The line of gravity: all points r with r x F = M.
+        point = np.cross(F, M) / (F @ F)
+        away = S / mass - point
+        assert distance[i] == pytest.approx(np.linalg.norm(away - (away @ up) * up), rel=1e-6)
+    assert moment.min() > 0.01
+    assert distance.min() > 1e-4
 
 
 def test_moments_of_free_and_given_links_add_up(odd):

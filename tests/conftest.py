@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Callable
+from importlib import metadata
 from pathlib import Path
 
 import hypothesis
@@ -53,3 +55,28 @@ def shared_dir() -> Path:
     if not shared.is_dir():
         pytest.skip(f"no real measurements at {shared}; set COMCAL_SHARED to their folder")
     return shared
+
+
+EXAMPLE_URDFS = {
+    "talos": "talos_data/robots/talos_reduced.urdf",
+    "g1": "g1_description/urdf/g1_29dof_rev_1_0.urdf",
+    "icub": "icub_description/robots/icub.urdf",
+    "romeo": "romeo_description/urdf/romeo.urdf",
+}
+"""Published humanoids, in the package example-robot-data."""
+
+
+@pytest.fixture(scope="session")
+def example_urdf() -> Callable[[str], Path]:
+    """Return the path of a published humanoid's URDF by its short name; skips where absent."""
+
+    def find(name: str) -> Path:
+        try:
+            package = metadata.distribution("example-robot-data")
+        except metadata.PackageNotFoundError:
+            pytest.skip("example-robot-data is not installed: no published robots here")
+        wanted = EXAMPLE_URDFS[name]
+        found = next(f for f in package.files or () if str(f).endswith(wanted))
+        return Path(str(package.locate_file(found)))
+
+    return find

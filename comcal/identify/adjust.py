@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 r"""Least squares over every pose of a session, errors in all variables.
 
-The rows of :mod:`comcal.statics.balance` hold between *true* wrenches and angles. Measured ones
-carry errors of known covariance, and one wrench's noise enters the force row and all moment rows,
-one encoder's noise all moment rows: a Gauss-Helmert adjustment weighs every pose with the full
-covariance :math:`B \Sigma B^T` of its rows and evaluates the regressor at the adjusted inputs.
-Evaluating it at the measured ones would pull weakly seen directions towards zero, because the same
-error then sits in the regressor and in the residual.
+The rows of :mod:`comcal.statics.static_rows` hold between *true* wrenches, angles and torques.
+Measured ones carry errors of known covariance, and one wrench's noise enters the force row, all
+moment rows and every torque row of its leg, one encoder's noise all moment and torque rows: a
+Gauss-Helmert adjustment weighs every pose with the full covariance :math:`B \Sigma B^T` of its rows
+and evaluates the regressor at the adjusted inputs. Evaluating it at the measured ones would pull
+weakly seen directions towards zero, because the same error then sits in the regressor and in the
+residual.
 
-The error of a sensor's tare is one and the same in every pose. It joins the covariance of all rows
-as :math:`C C^T`, C the rows' reaction to the tares in units of their standard deviations, and is
-inverted with it by Woodbury's formula.
+The error of a sensor's tare is one and the same in every pose, and so is that of a torque constant.
+Such errors join the covariance of all rows as :math:`C C^T`, C the rows' reaction to them in units
+of their standard deviations, and are inverted with it by Woodbury's formula.
 """
 
 from __future__ import annotations
@@ -21,7 +22,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from comcal.errors import RankError
-from comcal.identify.linearise import Group, Linearised, linearise, structure_of
+from comcal.identify.groups import Group
+from comcal.identify.linearise import (
+    Linearised,
+    feigned_information,
+    linearise,
+    steady_regressor,
+    without_offsets,
+)
 from comcal.identify.shared_errors import over_poses, row_errors
 from comcal.identify.unknowns import Unknowns
 from comcal.robot.model import Robot
@@ -35,6 +43,9 @@ CONVERGED = 1e-3
 NOISE_RATIO = 20.0
 """A direction counts as seen when the information on it exceeds that which the errors of angles and
 force directions alone would feign by this factor."""
+SURELY_SEEN = 1e-2
+"""Directions with this share of the largest information are seen: what errors feign is the square
+of an angle or of a relative force error, far less."""
 RELATIVE_RANK = 1e-7
 """Smallest singular value counted, relative to the largest: what rounding alone can make."""
 
@@ -59,8 +70,8 @@ class Adjustment:
         What the URDF's own tolerances add along the unseen directions.
     sensitivity : tuple of array, one per group, each shape (N, size, n_inputs)
         d theta / d inputs. A change of a tare is a change of that sensor in all poses.
-    residuals : tuple of array, one per group, each shape (N, 4)
-        What is left of force [N] and moment [N m].
+    residuals : tuple of array, one per group, each shape (N, n_rows)
+        What is left of forces [N], moments and torques [N m], in the order of its layout.
     chi2, dof
         Weighted sum of squared residuals and its degrees of freedom.
     iterations : int
@@ -123,7 +134,7 @@ def adjust(robot: Robot, unknowns: Unknowns, groups: Sequence[Group]) -> Adjustm
     groups = tuple(groups)
     if not groups:
         raise RankError(
-            "no pose in which a foot with a sensor stands",
+            "no pose in which a foot with a sensor stands, and no torque that statics explains",
             next_step="record poses with support 'double' or one foot",
         )
     theta, scale = unknowns.cad, unknowns.scale
@@ -149,7 +160,8 @@ def adjust(robot: Robot, unknowns: Unknowns, groups: Sequence[Group]) -> Adjustm
         theta = theta + step
         left = [a.misclosure + a.A @ step for a in linear]
         weighted_left = [x[:, :, 0] for x in errors.weighted([r[:, :, None] for r in left])]
-        inputs = errors.adjusted_inputs(weighted_left)
+        measured = [without_offsets(unknowns, group, theta) for group in groups]
+        inputs = errors.adjusted_inputs(measured, weighted_left)
         in_sigmas = singular * (seen.T @ (step / scale))
         if iterations >= ITERATIONS or bool(np.all(np.abs(in_sigmas) < CONVERGED)):
             break
@@ -169,7 +181,7 @@ def adjust(robot: Robot, unknowns: Unknowns, groups: Sequence[Group]) -> Adjustm
         ),
         residuals=tuple(left),
         chi2=sum(float(np.sum(r * x)) for r, x in zip(left, weighted_left, strict=True)),
-        dof=sum(4 * len(group.rows) for group in groups) - seen.shape[1],
+        dof=sum(g.layout.n_rows * len(g.rows) for g in groups) - seen.shape[1],
         iterations=iterations,
     )
 
@@ -179,14 +191,18 @@ def _seen_directions(
 ) -> tuple[Array, Array]:
     """Split the scaled unknowns into seen and unseen directions."""
     scales = np.outer(unknowns.scale, unknowns.scale)
-    structure, feigned = np.zeros_like(scales), np.zeros_like(scales)
+    structure = np.zeros_like(scales)
     for a, group in zip(linear, groups, strict=True):
-        information, by_noise = structure_of(a, unknowns, group)
-        structure += scales * information
-        feigned += scales * by_noise
+        A = steady_regressor(a, unknowns, group)
+        structure += scales * np.einsum("nji,njk,nkl->il", A, a.W, A, optimize=True)
     value, vector = np.linalg.eigh(structure)
-    noise = np.einsum("ik,ij,jk->k", vector, feigned, vector)
-    is_seen = (value > NOISE_RATIO * noise) & (value > RELATIVE_RANK**2 * value[-1])
+    is_seen = value > RELATIVE_RANK**2 * value[-1]
+    weak = np.flatnonzero(is_seen & (value < SURELY_SEEN * value[-1]))
+    noise = np.zeros(len(weak))
+    for a, group in zip(linear, groups, strict=True):
+        directions = unknowns.scale[:, None] * vector[:, weak]
+        noise += feigned_information(a, unknowns, group, directions)
+    is_seen[weak] = value[weak] > NOISE_RATIO * noise
     return vector[:, is_seen], vector[:, ~is_seen]
 
 

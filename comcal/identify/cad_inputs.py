@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from comcal.identify.adjust import Adjustment
-from comcal.identify.linearise import Group
+from comcal.identify.groups import Group
+from comcal.identify.linearise import model_at, without_offsets
 from comcal.robot.draw import links_below_cuts
-from comcal.robot.frames import apply
 from comcal.robot.tree import Array
-from comcal.statics.balance import balance_at, input_jacobian, moment_regressor
+from comcal.statics.static_rows import row_jacobian, row_regressor
 
 
 @dataclass(frozen=True)
@@ -72,19 +72,19 @@ def cad_inputs(fit: Adjustment) -> CadInputs:
 
 def _group_gain(fit: Adjustment, group: Group, sensitivity: Array, given: list[int]) -> Array:
     robot = fit.unknowns.robot
-    g, tree, carried = robot.gravity, robot.tree, group.carrier.carried
-    balance = balance_at(robot, group.carrier, group.q, group.w)
-    B_w, B_q = input_jacobian(balance, fit.unknowns.moments(fit.theta))
-    B = np.concatenate([B_w.reshape(len(B_q), 4, -1), B_q], axis=2)
-    K = sensitivity @ np.linalg.pinv(B)
+    tree, carried = robot.tree, group.carrier.carried
+    inputs = without_offsets(fit.unknowns, group, fit.theta)
+    balance = group.balance_at(robot, inputs)
+    wrenches, _ = group.others(inputs)
+    model = model_at(fit.unknowns, group, fit.theta)
+    K = sensitivity @ np.linalg.pinv(row_jacobian(group.layout, balance, wrenches, model))
 
-    at = balance.placements
-    by_com = moment_regressor(balance, balance.direction)[:, :, given] * tree.masses[given, None]
-    arm = at.p[:, given] + apply(at.R[:, given], tree.coms[given])
-    by_mass = -g * np.cross(arm, balance.direction[:, None]) * carried[given, None]
-    C = np.zeros((len(B), 4, 4 * len(given)))
-    # Mass below a loaded cut is not carried; theta[0] counts it, the sensors do not.
-    C[:, 0, : len(given)] = g * ~carried[given]
-    C[:, 1:, : len(given)] = np.swapaxes(by_mass, 1, 2)
-    C[:, 1:, len(given) :] = by_com.reshape(len(B), 3, -1)
+    mass_part, moment_part = row_regressor(group.layout, balance, balance.direction)
+    moment_part = moment_part[:, :, given]
+    by_mass = mass_part[:, :, given] + np.sum(moment_part * tree.coms[given], axis=-1)
+    if group.layout.balance_rows and not fit.unknowns.free_masses:
+        # The measured mass of the whole robot counts what is below a loaded cut; sensors do not.
+        by_mass[:, 0] = robot.gravity * ~carried[given]
+    by_com = moment_part * tree.masses[given, None]
+    C = np.concatenate([by_mass, by_com.reshape(*by_mass.shape[:2], -1)], axis=2)
     return np.einsum("nij,njk->ik", K, C)

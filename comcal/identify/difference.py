@@ -93,8 +93,8 @@ def route_difference(
     column = 0
     for row in paper.rows:
         g, i = position[row]
-        n = fit.groups[g].cov.shape[1]
-        by_paper[g][i] = paper.sensitivity[:, column : column + n]
+        n = fit.groups[g].layout.q_columns.stop
+        by_paper[g][i, :, :n] = paper.sensitivity[:, column : column + n]
         column += n
     cov, shared = paper.cov_cad.copy(), 0.0
     roots = shared_roots(fit.groups)
@@ -103,7 +103,7 @@ def route_difference(
     ):
         D = L1 - to_segments @ sensitivity
         cov += np.einsum("nij,njk,nlk->il", D, group.cov, D, optimize=True)
-        shared = shared + D.sum(axis=0) @ root
+        shared = shared + np.sum(D @ root, axis=0)
     cov += shared @ np.transpose(shared)
     best = paper.choices[0].w
     cramer = np.stack([best.imag, best.real], axis=1).ravel()

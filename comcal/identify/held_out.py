@@ -4,17 +4,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import chdtri
 
 from comcal.identify.adjust import adjust
-from comcal.identify.linearise import Group
+from comcal.identify.groups import Group
+from comcal.identify.linearise import model_at, without_offsets
 from comcal.identify.unknowns import Unknowns
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
-from comcal.statics.balance import balance_at, first_moments, residual
+from comcal.statics.balance import first_moments, residual
 
 FOLDS = 10
 """Folds of the cross-validation, or leave-one-out where there are fewer poses."""
@@ -58,7 +59,7 @@ def held_out_error(robot: Robot, unknowns: Unknowns, groups: Sequence[Group], ra
     HeldOut
         All NaN for a single pose: nothing is left to fit.
     """
-    rows = sorted(row for group in groups for row in group.rows)
+    rows = sorted(row for group in groups if not group.layout.hangs for row in group.rows)
     if len(rows) < 2:
         return HeldOut(np.nan, np.nan, np.nan, np.nan, len(rows), 0)
     folds = min(FOLDS, len(rows))
@@ -68,25 +69,42 @@ def held_out_error(robot: Robot, unknowns: Unknowns, groups: Sequence[Group], ra
     lost = 0
     for fold in range(folds):
         left_out = set(rows[fold::folds])
-        kept = [_pick(g, [r not in left_out for r in g.rows]) for g in groups]
-        fit = adjust(robot, unknowns, [g for g in kept if g.rows])
+        kept = [group.select([r not in left_out for r in group.rows]) for group in groups]
+        fit = adjust(robot, unknowns, [group for group in kept if group.rows])
         lost += fit.rank < rank
         for group in groups:
-            part = _pick(group, [r in left_out for r in group.rows])
-            if part.rows:
+            part = group.select([r in left_out for r in group.rows])
+            if part.rows and not part.layout.hangs:
                 errors = prediction_errors(robot, unknowns, part, fit.theta)
                 for store, error in zip((distance, force, moment), errors, strict=True):
                     store.append(error)
     com_rms = _rms(np.concatenate(distance))
-    dof = 2 * len(rows)
     return HeldOut(
         com_rms=com_rms,
-        com_upper=com_rms * float(np.sqrt(dof / chdtri(dof, 0.95))),
+        com_upper=upper_95(com_rms, len(rows)),
         force_rms=_rms(np.concatenate(force)),
         moment_rms=_rms(np.concatenate(moment)),
         poses=len(rows),
         rank_lost=lost,
     )
+
+
+def upper_95(com_rms: float, poses: int) -> float:
+    """Return the upper 95 % end of a root mean square distance from lines of gravity.
+
+    Parameters
+    ----------
+    com_rms : float
+        [m], two independent components per pose.
+    poses : int
+
+    Returns
+    -------
+    float
+        [m]; NaN without a pose.
+    """
+    dof = 2 * poses
+    return com_rms * float(np.sqrt(dof / chdtri(dof, 0.95))) if poses else np.nan
 
 
 def prediction_errors(
@@ -102,25 +120,13 @@ def prediction_errors(
     force, moment : array, shape (N,)
         Size of the residual [N], [N m].
     """
-    balance = balance_at(robot, group.carrier, group.q, group.w)
-    h, mass = unknowns.moments(theta), float(theta[0]) - group.below_mass
-    com = first_moments(balance, h).sum(axis=1) / mass
+    balance = group.balance_at(robot, without_offsets(unknowns, group, theta))
+    model = model_at(unknowns, group, theta)
+    com = first_moments(balance, model.h, model.masses).sum(axis=1) / model.mass
     off = np.cross(com, balance.F) - balance.M
     distance = np.linalg.norm(off, axis=1) / np.linalg.norm(balance.F, axis=1)
-    left = residual(balance, mass, h)
+    left = residual(balance, model.mass, model.h, model.masses)
     return distance, np.abs(left[:, 0]), np.linalg.norm(left[:, 1:], axis=1)
-
-
-def _pick(group: Group, keep: Sequence[bool]) -> Group:
-    mask = np.array(keep, dtype=np.bool_)
-    return replace(
-        group,
-        rows=tuple(r for r, k in zip(group.rows, keep, strict=True) if k),
-        where=tuple(w for w, k in zip(group.where, keep, strict=True) if k),
-        w=group.w[mask],
-        q=group.q[mask],
-        cov=group.cov[mask],
-    )
 
 
 def _rms(values: Array) -> float:

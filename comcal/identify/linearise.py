@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rows of a session, linearised: what a pose's inputs and the unknowns do to its balance."""
+"""The rows of a session, linearised: what a pose's inputs and the unknowns do to them."""
 
 from __future__ import annotations
 
@@ -8,25 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from comcal.errors import DataError
+from comcal.identify.groups import Group
 from comcal.identify.unknowns import Unknowns
-from comcal.measure.table import PoseTable
-from comcal.robot.frames import apply, skew
+from comcal.robot.frames import apply
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
-from comcal.statics.balance import (
-    Balance,
-    balance_at,
-    input_jacobian,
-    joint_motion,
-    moment_regressor,
-    residual,
-)
+from comcal.statics.balance import Balance
 from comcal.statics.stance import stance_frame
-from comcal.statics.support import (
-    Carrier,
-    loaded_wrenches,
-    measured_supports,
-    tare_covariances,
+from comcal.statics.static_rows import (
+    Model,
+    RowLayout,
+    row_jacobian,
+    row_regressor,
+    row_residual,
 )
 
 SAME_FLOOR = 4.0
@@ -38,92 +32,19 @@ EXACT = 1e-12
 
 
 @dataclass(frozen=True)
-class Group:
-    """The poses of one kind of support: measured inputs and their covariances.
-
-    The inputs of a pose are its loaded wrenches, sensor after sensor, then its joint angles.
-
-    Parameters
-    ----------
-    rows : tuple of int
-        Row numbers in the pose table.
-    where : tuple of str
-        The same for messages.
-    w : array, shape (N, n_sensors, 6)
-        Ground on robot, in and about each sensor's frame [N, N m].
-    q : array, shape (N, n_joints)
-        [rad] or [m]
-    cov : array, shape (N, n_inputs, n_inputs)
-    tare_cov : array, shape (n_sensors, 6, 6)
-        Covariance of each loaded sensor's tare, one error for all poses; not contained in ``cov``.
-    below_mass : float
-        Mass below the loaded cuts [kg]: part of the robot, not of what is carried.
-    """
-
-    carrier: Carrier
-    rows: tuple[int, ...]
-    where: tuple[str, ...]
-    w: Array
-    q: Array
-    cov: Array
-    tare_cov: Array
-    below_mass: float
-
-    @property
-    def inputs(self) -> Array:
-        """What was measured, shape (N, n_inputs)."""
-        return np.concatenate([self.w.reshape(len(self.w), -1), self.q], axis=1)
-
-    def split(self, inputs: Array) -> tuple[Array, Array]:
-        """Return wrenches and angles of an input array of this group's layout."""
-        width = self.w.shape[1] * 6
-        return inputs[:, :width].reshape(len(inputs), -1, 6), inputs[:, width:]
-
-
-def groups_of(robot: Robot, table: PoseTable) -> tuple[Group, ...]:
-    """Split a table by support.
-
-    Hanging poses carry no whole-robot rows and are left out, and so are poses without a wrench
-    whose CoM is given instead.
-
-    Raises
-    ------
-    ConfigError, MissingColumnError, NotFiniteError, DataError
-        If the wrench or the error of a loaded sensor is not known.
-    """
-    groups: list[Group] = []
-    for carrier, index in measured_supports(robot, table):
-        rows = tuple(int(i) for i in index)
-        part = table.select(index)
-        w, w_cov = loaded_wrenches(carrier, part)
-        width = 6 * w.shape[1]
-        cov = np.zeros((len(rows), width + part.q.shape[1], width + part.q.shape[1]))
-        for s in range(w.shape[1]):
-            at = slice(6 * s, 6 * s + 6)
-            cov[:, at, at] = w_cov[:, s]
-        angles = np.arange(width, cov.shape[1])
-        cov[:, angles, angles] = part.q_cov
-        below = float(robot.tree.masses[~carrier.carried].sum())
-        where = tuple(table.where(i) for i in rows)
-        tare_cov = tare_covariances(carrier, table)
-        groups.append(Group(carrier, rows, where, w, part.q, cov, tare_cov, below))
-    return tuple(groups)
-
-
-@dataclass(frozen=True)
 class Linearised:
     """One group's rows at a linearisation point.
 
     Parameters
     ----------
-    misclosure : array, shape (N, 4)
+    misclosure : array, shape (N, n_rows)
         Residual that remains at the measured inputs, to first order.
-    A : array, shape (N, 4, size)
+    A : array, shape (N, n_rows, size)
         With respect to the unknowns.
-    B : array, shape (N, 4, n_inputs)
+    B : array, shape (N, n_rows, n_inputs)
         With respect to the inputs.
-    W : array, shape (N, 4, 4)
-        Inverse covariance of the rows, apart from what tares have in common.
+    W : array, shape (N, n_rows, n_rows)
+        Inverse covariance of the rows, apart from errors that all poses share.
     balance : Balance
         The point of linearisation.
     """
@@ -138,27 +59,46 @@ class Linearised:
 def linearise(
     robot: Robot, unknowns: Unknowns, group: Group, theta: Array, inputs: Array
 ) -> Linearised:
-    """Linearise the balance of one group at *theta* and (adjusted) *inputs*.
+    """Linearise the equations of one group at *theta* and (adjusted) *inputs*.
 
     Raises
     ------
     DataError
         If the stated errors leave a row, or a sum of rows, of some pose exact.
     """
-    w, q = group.split(inputs)
-    h = unknowns.moments(theta)
-    balance = balance_at(robot, group.carrier, q, w)
-    B_w, B_q = input_jacobian(balance, h)
-    B = np.concatenate([B_w.reshape(len(w), 4, -1), B_q], axis=2)
+    balance = group.balance_at(robot, inputs)
+    model = model_at(unknowns, group, theta)
+    wrenches, torques = group.others(inputs)
+    B = row_jacobian(group.layout, balance, wrenches, model)
     W = _weights(B @ group.cov @ np.swapaxes(B, 1, 2), group)
-    at_point = residual(balance, theta[0] - group.below_mass, h)
-    misclosure = at_point + np.einsum("nij,nj->ni", B, group.inputs - inputs)
-    A = regressor(balance, unknowns, balance.direction)
+    at_point = row_residual(group.layout, balance, wrenches, torques, model)
+    away = without_offsets(unknowns, group, theta) - inputs
+    misclosure = at_point + np.einsum("nij,nj->ni", B, away)
+    A = regressor(balance, unknowns, balance.direction, group.layout, B)
     return Linearised(misclosure, A, B, W, balance)
 
 
+def without_offsets(unknowns: Unknowns, group: Group, theta: Array) -> Array:
+    """Return the measured inputs less the tares in *theta*, shape (N, n_inputs)."""
+    inputs = group.inputs
+    for sensor in unknowns.offsets:
+        at, columns = group.layout.sensor_columns(sensor), unknowns.offset_columns(sensor)
+        if at is not None and columns is not None:
+            inputs[:, at] -= theta[columns]
+    return inputs
+
+
+def model_at(unknowns: Unknowns, group: Group, theta: Array) -> Model:
+    """Return the model that theta stands for, as the poses of *group* see it."""
+    return Model(
+        mass=unknowns.mass(theta, group.carrier.carried),
+        h=unknowns.moments(theta),
+        masses=unknowns.link_masses(theta),
+    )
+
+
 def _weights(cov: Array, group: Group) -> Array:
-    """Invert the covariance of every pose's rows, shape (N, 4, 4)."""
+    """Invert the covariance of every pose's rows, shape (N, n_rows, n_rows)."""
     sigma = np.sqrt(np.einsum("nii->ni", cov))
     unit = sigma[:, :, None] * sigma[:, None]
     correlation = np.divide(cov, unit, out=np.zeros_like(cov), where=unit > 0.0)
@@ -175,37 +115,85 @@ def _weights(cov: Array, group: Group) -> Array:
     return np.asarray(np.linalg.inv(cov), np.float64)
 
 
-def structure_of(linear: Linearised, unknowns: Unknowns, group: Group) -> tuple[Array, Array]:
-    """Return what the *poses* determine, apart from what noise feigns.
+def steady_regressor(linear: Linearised, unknowns: Unknowns, group: Group) -> Array:
+    """Return the regressor as if poses on one floor had measured one direction of gravity."""
+    direction = steady_directions(linear.balance, group.cov)
+    return regressor(linear.balance, unknowns, direction, group.layout, linear.B)
+
+
+def feigned_information(
+    linear: Linearised, unknowns: Unknowns, group: Group, directions: Array
+) -> Array:
+    r"""Return the information that errors inside the regressor make up, along some directions.
+
+    Parameters
+    ----------
+    directions : array, shape (size, k)
+        Changes of theta.
 
     Returns
     -------
-    information : array, shape (size, size)
-        A^T W A as it would be if poses on one floor had measured one direction of gravity.
-    feigned : array, shape (size, size)
-        Expectation of the information that the input errors inside A make up by themselves.
+    array, shape (k,)
+        Expectation of :math:`v^T dA^T W\, dA\, v` over the input errors. What an input does to
+        A v is what it does to the rows of the model v, less those of an empty model.
     """
-    balance = linear.balance
-    A = regressor(balance, unknowns, _steady_directions(balance, group.cov))
-    information = np.einsum("nji,njk,nkl->il", A, linear.W, A, optimize=True)
-    return information, _feigned_information(balance, unknowns, group.cov, linear.W)
+    wrenches, _ = group.others(group.inputs)
+
+    def by_inputs(v: Array) -> Array:
+        model = model_at(unknowns, group, v)
+        return row_jacobian(group.layout, linear.balance, wrenches, model)
+
+    empty = by_inputs(np.zeros(unknowns.size))
+    found = np.zeros(directions.shape[1])
+    for k, v in enumerate(directions.T):
+        dB = by_inputs(v) - empty
+        found[k] = np.einsum("nij,nia,nab,njb->", linear.W, dB, group.cov, dB, optimize=True)
+    return found
 
 
-def regressor(balance: Balance, unknowns: Unknowns, direction: Array) -> Array:
-    """Return d(residual)/d(theta), shape (N, 4, size), for a given direction of gravity."""
-    A = np.zeros((len(balance.F), 4, unknowns.size))
-    A[:, 0, 0] = -balance.robot.gravity
-    moments = moment_regressor(balance, direction)[:, :, list(unknowns.links)]
-    A[:, 1:, 1:] = moments.reshape(len(A), 3, -1)
+def regressor(
+    balance: Balance,
+    unknowns: Unknowns,
+    direction: Array,
+    layout: RowLayout | None = None,
+    B: Array | None = None,
+) -> Array:
+    """Return d(residual)/d(theta), shape (N, n_rows, size), for a given direction of gravity.
+
+    Parameters
+    ----------
+    direction : array, shape (N, 3)
+        Unit vector up in the root frame.
+    layout : RowLayout, optional
+        By default the balance of the whole robot alone.
+    B : array, shape (N, n_rows, n_inputs), optional
+        d(residual)/d(inputs); needed where tares are unknown.
+    """
+    layout = layout or RowLayout(balance.carrier, (), (), balance.q.shape[1])
+    by_mass, by_moment = row_regressor(layout, balance, direction)
+    links = list(unknowns.links)
+    A = np.zeros((len(balance.q), layout.n_rows, unknowns.size))
+    if unknowns.free_masses:
+        A[:, :, : unknowns.n_masses] = by_mass[:, :, links]
+    elif layout.balance_rows:
+        A[:, 0, 0] = -balance.robot.gravity
+    moments = by_moment[:, :, links].reshape(*A.shape[:2], -1)
+    A[:, :, unknowns.n_masses : unknowns.first_offset] = moments
+    for sensor in unknowns.offsets:
+        inputs, columns = layout.sensor_columns(sensor), unknowns.offset_columns(sensor)
+        if B is not None and inputs is not None and columns is not None:
+            A[:, :, columns] = -B[:, :, inputs]
     return A
 
 
-def _steady_directions(balance: Balance, cov: Array) -> Array:
+def steady_directions(balance: Balance, cov: Array) -> Array:
     """Average the force direction over poses that may have stood on one floor, shape (N, 3).
 
     In the stance frame a floor leans the same way in every pose; poses whose directions differ by
-    no more than their noise are averaged.
+    no more than their noise are averaged. Hanging poses keep their own.
     """
+    if balance.up is not None:
+        return balance.direction
     support = balance.carrier.support
     R_root_P, _ = stance_frame(balance.robot, support, balance.placements)
     in_P = np.einsum("nji,nj->ni", R_root_P, balance.direction)
@@ -223,31 +211,3 @@ def _sensor_roots(balance: Balance, cov: Array) -> Array:
     n, n_sensors = balance.wrench_each.shape[:2]
     variance = np.einsum("nii->ni", cov)[:, : 6 * n_sensors].reshape(n, n_sensors, 6)
     return np.sqrt(variance)[..., None] * np.eye(6)
-
-
-def _feigned_information(balance: Balance, unknowns: Unknowns, cov: Array, W: Array) -> Array:
-    """Return the sum over poses of E[dA^T W dA] for the input errors inside the regressor."""
-    tree, g, f = balance.robot.tree, balance.robot.gravity, balance.direction
-    size = np.linalg.norm(balance.F, axis=1)[:, None, None]
-    across = (np.eye(3) - f[:, :, None] * f[:, None, :]) / size
-    n, n_sensors = balance.wrench_each.shape[:2]
-    links = list(unknowns.links)
-    R = balance.placements.R[:, links]
-
-    # The direction of gravity is measured: d(f x R) with each component of each wrench ...
-    df = np.einsum("nij,nsjk->nski", across, balance.X[:, :, :3, :])
-    by_wrench = skew(df).reshape(n, 6 * n_sensors, 1, 3, 3) @ R[:, None]
-    # ... and so are the angles: a link turns about every joint on its way to the root.
-    motion = joint_motion(tree)
-    axis = np.where(motion.prismatic[:, None], 0.0, balance.placements.axes()[:, motion.joint])
-    beyond = tree.descendants[motion.joint + 1][:, links].astype(np.float64)
-    turn = np.einsum("nmi,mk,mj->njki", axis, beyond, motion.drive)
-    by_angle = skew(f)[:, None, None] @ skew(turn) @ R[:, None]
-
-    dA = np.concatenate([by_wrench, by_angle], axis=1)
-    dA = g * dA * balance.carrier.carried[links][:, None, None]
-    dA = np.moveaxis(dA, 3, 2).reshape(n, dA.shape[1], 3, -1)
-    weighted = np.einsum("nij,ncd,ndjk->ncik", W[:, 1:, 1:], cov, dA, optimize=True)
-    out = np.zeros((unknowns.size, unknowns.size))
-    out[1:, 1:] = np.einsum("ncji,ncjk->ik", dA, weighted, optimize=True)
-    return out

@@ -16,7 +16,7 @@ import numpy as np
 
 from comcal.errors import RankError
 from comcal.identify.adjust import CONVERGED, ITERATIONS, NOISE_RATIO, RELATIVE_RANK
-from comcal.identify.linearise import Group
+from comcal.identify.groups import Group
 from comcal.identify.unknowns import unknowns_of
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
@@ -85,7 +85,7 @@ def fit_masses(robot: Robot, groups: Sequence[Group]) -> MassFit:
     ----------
     robot : Robot
     groups : sequence of Group
-        Standing poses, see :func:`comcal.identify.linearise.groups_of`.
+        Standing poses, see :func:`comcal.identify.groups.groups_of`.
 
     Raises
     ------

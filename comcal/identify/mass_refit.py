@@ -16,8 +16,8 @@ from scipy.special import chdtrc
 
 from comcal.identify.adjust import adjust
 from comcal.identify.calibration import MISFIT
+from comcal.identify.groups import groups_of
 from comcal.identify.hung_moments import determined_sums
-from comcal.identify.linearise import groups_of
 from comcal.identify.mass_fit import MassFit, fit_masses
 from comcal.identify.solution import sigmas
 from comcal.identify.unknowns import unknowns_of

@@ -96,7 +96,7 @@ def estimates(fit: Adjustment, quantities: Quantities) -> Estimates:
     variance: list[float] = []
     share: list[float] = []
     if quantities.mass:
-        value.append(float(fit.theta[0]))
+        value.append(fit.unknowns.mass(fit.theta))
         variance.append(float(cov[0, 0]))
         share.append(0.0)
     columns = [fit.unknowns.names.index(f"{link} {AXES[a]}") for link, a in quantities.components]

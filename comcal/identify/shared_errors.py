@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-r"""Errors that all poses of a session share: the tares of the force sensors.
+r"""Errors that all poses of a session share: tares of force sensors, torque constants, friction.
 
 With S the block-diagonal covariance of the rows from what every pose has for itself, and C their
-reaction to the tares in units of the tares' standard deviations, the rows have the covariance
+reaction to the shared errors in units of their standard deviations, the rows have the covariance
 :math:`S + C C^T`, whose inverse is, by Woodbury,
 
 .. math:: S^{-1} - S^{-1} C D^{-1} C^T S^{-1}, \qquad D = 1 + C^T S^{-1} C .
@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from comcal.identify.linearise import Group, Linearised
+from comcal.identify.groups import Group
+from comcal.identify.linearise import Linearised
 from comcal.robot.tree import Array
 
 
@@ -27,8 +28,8 @@ class RowErrors:
     ----------
     groups : tuple of Group
     linear : tuple of Linearised, one per group
-    roots : tuple of array, one per group, each shape (n_inputs, n_shared)
-        Change of the inputs of any pose by one standard deviation of each shared error.
+    roots : tuple of array, one per group, each shape (N or 1, n_inputs, n_shared)
+        Change of the inputs of each (or any) pose by one standard deviation of each shared error.
     """
 
     groups: tuple[Group, ...]
@@ -37,7 +38,7 @@ class RowErrors:
 
     @property
     def C(self) -> tuple[Array, ...]:
-        """Change of the rows by one standard deviation of each shared error, (N, 4, n_shared)."""
+        """What one standard deviation of each shared error does, (N, n_rows, n_shared)."""
         return tuple(a.B @ root for a, root in zip(self.linear, self.roots, strict=True))
 
     def weighted(self, rows: Sequence[Array]) -> tuple[Array, ...]:
@@ -45,7 +46,7 @@ class RowErrors:
 
         Parameters
         ----------
-        rows : sequence of array, one per group, each shape (N, 4, n_columns)
+        rows : sequence of array, one per group, each shape (N, n_rows, n_columns)
         """
         C = self.C
         alone = [a.W @ r for a, r in zip(self.linear, rows, strict=True)]
@@ -54,21 +55,21 @@ class RowErrors:
         shared = np.linalg.solve(D, over_poses(C, alone))
         return tuple(x - w @ shared for x, w in zip(alone, W_C, strict=True))
 
-    def adjusted_inputs(self, weighted: Sequence[Array]) -> list[Array]:
+    def adjusted_inputs(self, measured: Sequence[Array], weighted: Sequence[Array]) -> list[Array]:
         """Return the inputs freed of the errors that explain the residuals best.
 
         Parameters
         ----------
-        weighted : sequence of array, one per group, each shape (N, 4)
+        measured : sequence of array, one per group, each shape (N, n_inputs)
+            What was measured, less the tares that are unknowns.
+        weighted : sequence of array, one per group, each shape (N, n_rows)
             Residuals times the inverse covariance.
         """
         shared = over_poses(self.C, [x[:, :, None] for x in weighted])[:, 0]
         return [
-            group.inputs
-            - np.einsum("nij,nkj,nk->ni", group.cov, a.B, x, optimize=True)
-            - root @ shared
-            for group, a, x, root in zip(
-                self.groups, self.linear, weighted, self.roots, strict=True
+            inputs - np.einsum("nij,nkj,nk->ni", group.cov, a.B, x, optimize=True) - root @ shared
+            for inputs, group, a, x, root in zip(
+                measured, self.groups, self.linear, weighted, self.roots, strict=True
             )
         ]
 
@@ -87,29 +88,20 @@ def shared_roots(groups: Sequence[Group]) -> tuple[Array, ...]:
 
     Returns
     -------
-    tuple of array, one per group, each shape (n_inputs, n_shared)
-        A sensor that is loaded in several kinds of support has one tare.
+    tuple of array, one per group, each shape (N or 1, n_inputs, n_shared)
+        Errors of one name are the same in all groups: a sensor that is loaded in several kinds of
+        support has one tare.
     """
-    tares = {
-        sensor: cov
-        for group in groups
-        for sensor, cov in zip(group.carrier.sensors, group.tare_cov, strict=True)
-        if cov.any()
-    }
+    width = {name: root.shape[2] for group in groups for name, root in group.shared.items()}
     roots: list[Array] = []
     for group in groups:
-        root = np.zeros((group.cov.shape[1], 6 * len(tares)))
-        for k, (sensor, cov) in enumerate(tares.items()):
-            if sensor in group.carrier.sensors:
-                at = 6 * group.carrier.sensors.index(sensor)
-                root[at : at + 6, 6 * k : 6 * k + 6] = _square_root(cov)
-        roots.append(root)
+        n = max((len(root) for root in group.shared.values()), default=1)
+        parts = [np.zeros((n, group.layout.n_inputs, 0))]
+        for name, columns in width.items():
+            root = group.shared.get(name, np.zeros((1, group.layout.n_inputs, columns)))
+            parts.append(np.broadcast_to(root, (n, *root.shape[1:])))
+        roots.append(np.concatenate(parts, axis=2))
     return tuple(roots)
-
-
-def _square_root(cov: Array) -> Array:
-    value, vector = np.linalg.eigh(cov)
-    return vector * np.sqrt(np.clip(value, 0.0, None))
 
 
 def over_poses(left: Sequence[Array], right: Sequence[Array]) -> Array:
@@ -117,7 +109,8 @@ def over_poses(left: Sequence[Array], right: Sequence[Array]) -> Array:
 
     Parameters
     ----------
-    left, right : sequence of array, one per group, each shape (N, 4, n_left) and (N, 4, n_right)
+    left, right : sequence of array, one per group
+        Each (N, n_rows, n_left) and (N, n_rows, n_right).
     """
     return np.sum(
         [np.einsum("nik,nij->kj", a, b) for a, b in zip(left, right, strict=True)], axis=0

@@ -11,8 +11,8 @@ from scipy.special import chdtrc
 
 from comcal.identify.adjust import Adjustment, adjust
 from comcal.identify.cad_inputs import CadInputs, cad_inputs
+from comcal.identify.groups import groups_of
 from comcal.identify.held_out import HeldOut, held_out_error
-from comcal.identify.linearise import groups_of
 from comcal.identify.unknowns import Unknowns, unknowns_of
 from comcal.identify.words import Combination, Unseen, combinations_of, unseen_directions
 from comcal.measure.plan import NONE
@@ -119,8 +119,8 @@ def solve_all(robot: Robot, table: PoseTable) -> Solution:
     in_sums = {name for combination in combinations for name in combination.coefficients}
     return Solution(
         adjustment=fit,
-        mass=float(fit.theta[0]),
-        mass_sigma=float(np.sqrt(fit.cov[0, 0] + from_cad[0, 0])),
+        mass=unknowns.mass(fit.theta),
+        mass_sigma=_mass_sigma(fit, from_cad),
         links=tuple(_link(fit, k, from_cad, in_sums) for k in range(len(robot.tree.links))),
         poses=tuple(
             _pose(fit, inputs, table, i)
@@ -163,13 +163,17 @@ def total_com_functional(
     masses = robot.tree.masses * counted
     free = np.zeros(len(masses), dtype=np.bool_)
     free[list(unknowns.links)] = True
-    known = np.einsum("k,nki->ni", masses, at.p - at.p[:, :1])
+    arms = at.p - at.p[:, :1]
+    given = masses * ~free if unknowns.free_masses else masses
+    known = np.einsum("k,nki->ni", given, arms)
     known += np.einsum("nkij,kj->ni", at.R, (masses * ~free)[:, None] * robot.tree.coms)
     L = np.zeros((len(q), 3, unknowns.size))
     for k in unknowns.links:
-        column = unknowns.column(k)
+        column, mass_column = unknowns.column(k), unknowns.mass_column(k)
         if counted[k] and column is not None:
             L[:, :, column : column + 3] = at.R[:, k]
+        if counted[k] and mass_column is not None:
+            L[:, :, mass_column] = arms[:, k]
     return L, known, at.p[:, 0]
 
 
@@ -198,10 +202,11 @@ def total_com_at(
     tree = unknowns.robot.tree
     carrier = carrier_of(unknowns.robot, support)
     L, known, root = total_com_functional(unknowns, carrier, q, whole=True)
-    mass = float(fit.theta[0])
+    every = np.ones(len(tree.links), np.bool_)
+    of_mass, _ = unknowns.mass_functional(every)
+    mass = unknowns.mass(fit.theta)
     xyz = root + (L @ fit.theta + known) / mass
-    J = L / mass
-    J[:, :, 0] = -(xyz - root) / mass
+    J = (L - (xyz - root)[:, :, None] * of_mass) / mass
     # A CAD value enters through the fit, and again where the link itself is counted.
     at, given = placed_in_stance(unknowns.robot, carrier, q), list(inputs.links)
     by_mass = np.swapaxes(at.coms[:, given] - root[:, None], 1, 2)
@@ -254,11 +259,16 @@ def _pose(fit: Adjustment, inputs: CadInputs, table: PoseTable, i: int) -> PoseC
     carrier = carrier_of(robot, support)
     xyz, cov, cov_cad = total_com_at(fit, inputs, support, q)
     L, known, root = total_com_functional(unknowns, carrier, q, whole=False)
-    below = float(robot.tree.masses[~carrier.carried].sum())
-    carried = root + (L @ fit.theta + known) / (float(fit.theta[0]) - below)
+    carried = root + (L @ fit.theta + known) / unknowns.mass(fit.theta, carrier.carried)
     J = joint_slopes(lambda moved: total_com_at(fit, inputs, support, moved)[0], q)[0]
     encoder = (J * table.q_cov[i]) @ J.T
     return PoseCom(i, table.pose[i], xyz[0], carried[0], cov[0] + encoder, cov_cad[0])
+
+
+def _mass_sigma(fit: Adjustment, from_cad: Array) -> float:
+    unknowns = fit.unknowns
+    L, _ = unknowns.mass_functional(np.ones(len(unknowns.robot.tree.links), np.bool_))
+    return float(np.sqrt(L @ (fit.cov + fit.cov_cad + from_cad) @ L))
 
 
 def sigmas(cov: Array) -> Array:

@@ -44,6 +44,9 @@ class Balance:
         Takes each loaded sensor's wrench to the root frame.
     wrench_each : array, shape (N, n_sensors, 6)
         The loaded wrenches in and about the root frame [N, N m].
+    up : array, shape (N, 3), or None
+        What stands for the direction of gravity where no foot does: a vector of any length that
+        points up, in the frame of ``up_link`` (an IMU's specific force).
     """
 
     robot: Robot
@@ -53,6 +56,8 @@ class Balance:
     placements: Placements
     X: Array
     wrench_each: Array
+    up: Array | None = None
+    up_link: int = 0
 
     @property
     def F(self) -> Array:
@@ -66,11 +71,19 @@ class Balance:
 
     @property
     def direction(self) -> Array:
-        """Unit vector of the total force (up, at rest), shape (N, 3)."""
-        return self.F / np.linalg.norm(self.F, axis=1, keepdims=True)
+        """Unit vector up, in the root frame: of the total force, or of ``up``; shape (N, 3)."""
+        v = self.F if self.up is None else apply(self.placements.R[:, self.up_link], self.up)
+        return v / np.linalg.norm(v, axis=1, keepdims=True)
 
 
-def balance_at(robot: Robot, carrier: Carrier, q: Array, w: Array) -> Balance:
+def balance_at(
+    robot: Robot,
+    carrier: Carrier,
+    q: Array,
+    w: Array,
+    up: Array | None = None,
+    up_link: int = 0,
+) -> Balance:
     """Bring the loaded wrenches of N poses to the root frame.
 
     Parameters
@@ -78,11 +91,14 @@ def balance_at(robot: Robot, carrier: Carrier, q: Array, w: Array) -> Balance:
     q : array, shape (N, n_joints)
     w : array, shape (N, n_sensors, 6)
         Ground on robot, in and about each sensor's frame.
+    up : array, shape (N, 3), optional
+        Upward vector of hanging poses in the frame of *up_link*.
+    up_link : int
     """
     placements = place_links(robot.tree, q)
     X = _to_root(robot, carrier, placements)
     each = np.einsum("nsij,nsj->nsi", X, w)
-    return Balance(robot, carrier, q, w, placements, X, each)
+    return Balance(robot, carrier, q, w, placements, X, each, up, up_link)
 
 
 def _to_root(robot: Robot, carrier: Carrier, at: Placements) -> Array:
@@ -91,23 +107,27 @@ def _to_root(robot: Robot, carrier: Carrier, at: Placements) -> Array:
         stance_frame(robot, carrier.support, at) if k is None else (at.R[:, k], at.p[:, k])
         for k in carrier.frames
     ]
+    if not frames:
+        return np.zeros((len(at.p), 0, 6, 6))
     return np.stack([wrench_transform(R, p) for R, p in frames], axis=1)
 
 
-def first_moments(balance: Balance, h: Array) -> Array:
+def first_moments(balance: Balance, h: Array, masses: Array | None = None) -> Array:
     """Return the first moment of every carried link about the root origin, (N, n_links, 3) [kg m].
 
     Parameters
     ----------
     h : array, shape (n_links, 3)
         m_k c_k of every link in its own frame [kg m]; links below the cut contribute nothing.
+    masses : array, shape (n_links,), optional
+        Link masses [kg], by default the URDF's.
     """
     at = balance.placements
-    s = at.p * at.tree.masses[:, None] + apply(at.R, h)
+    s = at.p * (at.tree.masses if masses is None else masses)[:, None] + apply(at.R, h)
     return s * balance.carrier.carried[:, None]
 
 
-def residual(balance: Balance, mass: float, h: Array) -> Array:
+def residual(balance: Balance, mass: float, h: Array, masses: Array | None = None) -> Array:
     """Return what is left of the balance, shape (N, 4): force [N], then moment [N m].
 
     Parameters
@@ -117,9 +137,11 @@ def residual(balance: Balance, mass: float, h: Array) -> Array:
         Mass of what is carried [kg].
     h : array, shape (n_links, 3)
         First moments of the links in their own frames [kg m].
+    masses : array, shape (n_links,), optional
+        Link masses that place the first moments [kg], by default the URDF's.
     """
     g = balance.robot.gravity
-    S = first_moments(balance, h).sum(axis=1)
+    S = first_moments(balance, h, masses).sum(axis=1)
     force = np.linalg.norm(balance.F, axis=1) - mass * g
     moment = balance.M - g * np.cross(S, balance.direction)
     return np.concatenate([force[:, None], moment], axis=1)
@@ -170,12 +192,14 @@ def joint_motion(tree: Tree) -> JointMotion:
     return JointMotion(np.array(moving, np.intp), drive, np.array(prismatic, np.bool_))
 
 
-def input_jacobian(balance: Balance, h: Array) -> tuple[Array, Array]:
+def input_jacobian(balance: Balance, h: Array, masses: Array | None = None) -> tuple[Array, Array]:
     """Return the derivatives of :func:`residual` with respect to everything that was measured.
 
     Parameters
     ----------
     h : array, shape (n_links, 3)
+    masses : array, shape (n_links,), optional
+        By default the URDF's [kg].
 
     Returns
     -------
@@ -188,7 +212,7 @@ def input_jacobian(balance: Balance, h: Array) -> tuple[Array, Array]:
     tree, at = balance.robot.tree, balance.placements
     g, f = balance.robot.gravity, balance.direction
     size = np.linalg.norm(balance.F, axis=1)
-    s = first_moments(balance, h)
+    s = first_moments(balance, h, masses)
     S = s.sum(axis=1)
 
     across = (np.eye(3) - f[:, :, None] * f[:, None, :]) / size[:, None, None]
@@ -201,7 +225,7 @@ def input_jacobian(balance: Balance, h: Array) -> tuple[Array, Array]:
     motion = joint_motion(tree)
     beyond = tree.descendants[motion.joint + 1].astype(np.float64)
     axis, origin = at.axes()[:, motion.joint], at.p[:, motion.joint + 1]
-    m_beyond = beyond @ (tree.masses * balance.carrier.carried)
+    m_beyond = beyond @ ((tree.masses if masses is None else masses) * balance.carrier.carried)
     S_beyond = np.einsum("jk,nki->nji", beyond, s)
     on_link = [s for s, k in enumerate(balance.carrier.frames) if k is not None]
     links = [k for k in balance.carrier.frames if k is not None]
@@ -219,11 +243,11 @@ def input_jacobian(balance: Balance, h: Array) -> tuple[Array, Array]:
     per_joint[:, 1:] += np.swapaxes(dM - g * np.cross(dS, f[:, None]), 1, 2)
     B_q = per_joint @ motion.drive
     if len(on_link) < len(balance.carrier.frames):
-        B_q += B_FM @ _world_plate_slopes(balance)
+        B_q += B_FM @ world_plate_slopes(balance)
     return B_w, B_q
 
 
-def _world_plate_slopes(balance: Balance) -> Array:
+def world_plate_slopes(balance: Balance) -> Array:
     """Return d(wrench of plates in the world, in the root frame)/dq, shape (N, 6, n_joints).
 
     Such a plate measures in P, which follows all standing feet at once.

@@ -76,6 +76,11 @@ def carrier_of(robot: Robot, support: str) -> Carrier:
     return Carrier(support, feet, tuple(sensors), tuple(frames), carried)
 
 
+def hanging_carrier(robot: Robot) -> Carrier:
+    """Return what carries a robot that something unknown holds: no sensor."""
+    return Carrier(NONE, (), (), (), np.ones(len(robot.tree.links), dtype=np.bool_))
+
+
 def _plates_in_use(robot: Robot, support: str, feet: tuple[str, ...]) -> tuple[str, ...]:
     """Return the plates under standing feet that have no sensor of their own."""
     plates: list[str] = []

@@ -14,7 +14,7 @@ import numpy as np
 
 from comcal.errors import ConfigError
 from comcal.identify.adjust import adjust
-from comcal.identify.linearise import groups_of
+from comcal.identify.groups import groups_of
 from comcal.identify.quantities import Quantities, identifiable_components
 from comcal.identify.unknowns import unknowns_of
 from comcal.measure.plan import NONE, PlannedPose

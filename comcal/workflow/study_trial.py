@@ -15,7 +15,7 @@ import numpy as np
 
 from comcal.errors import ComcalError
 from comcal.identify.adjust import adjust
-from comcal.identify.linearise import groups_of
+from comcal.identify.groups import groups_of
 from comcal.identify.quantities import estimates, true_values
 from comcal.identify.unknowns import unknowns_of
 from comcal.measure.source import Block, SourceRequest

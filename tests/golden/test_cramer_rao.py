@@ -20,7 +20,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from comcal.identify.adjust import Adjustment, adjust
-from comcal.identify.linearise import groups_of
+from comcal.identify.groups import groups_of
 from comcal.identify.unknowns import unknowns_of
 from comcal.measure.plan_csv import read_plan
 from comcal.measure.source import SourceRequest

@@ -9,7 +9,7 @@ from scipy.stats import chi2 as chi2_distribution
 
 from comcal.errors import RankError
 from comcal.identify.adjust import adjust
-from comcal.identify.linearise import groups_of
+from comcal.identify.groups import groups_of
 from comcal.identify.unknowns import unknowns_of
 from comcal.identify.words import combinations_of, unseen_directions
 from comcal.measure.plan import PlannedPose

@@ -13,7 +13,7 @@ import pytest
 
 from comcal.identify.adjust import adjust
 from comcal.identify.cad_inputs import cad_inputs
-from comcal.identify.linearise import groups_of
+from comcal.identify.groups import groups_of
 from comcal.identify.solution import total_com_at
 from comcal.identify.unknowns import unknowns_of
 from comcal.robot.draw import links_below_cuts

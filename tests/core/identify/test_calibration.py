@@ -11,7 +11,7 @@ from comcal.identify.adjust import adjust
 from comcal.identify.cad_inputs import cad_inputs
 from comcal.identify.calibration import Method, Verdict, calibrate
 from comcal.identify.difference import route_difference
-from comcal.identify.linearise import groups_of
+from comcal.identify.groups import groups_of
 from comcal.identify.paper_route import paper_route
 from comcal.identify.solution import solve_all, total_com_at
 from comcal.identify.unknowns import unknowns_of

@@ -13,7 +13,7 @@ from scipy.stats import chi2 as chi2_distribution
 
 from comcal.identify.adjust import adjust
 from comcal.identify.difference import route_difference
-from comcal.identify.linearise import groups_of
+from comcal.identify.groups import groups_of
 from comcal.identify.paper_route import paper_route
 from comcal.identify.unknowns import unknowns_of
 from comcal.statics.coefficients import balance_coefficients

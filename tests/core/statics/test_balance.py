@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from comcal.identify.linearise import groups_of
+from comcal.identify.groups import groups_of
 from comcal.measure.plan import PlannedPose
 from comcal.statics.balance import balance_at, first_moments, input_jacobian, residual
 from comcal.statics.coefficients import balance_coefficients, total_wrench

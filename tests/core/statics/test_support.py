@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from comcal.errors import ConfigError, DataError, MissingColumnError, NotFiniteError
-from comcal.identify.linearise import groups_of
+from comcal.identify.groups import groups_of
 from comcal.measure.plan import PlannedPose
 from comcal.robot.kinematics import place_links
 from comcal.robot.model import Plate

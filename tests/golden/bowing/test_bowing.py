@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 
 from comcal.cli.main import main
 from comcal.identify.held_out import prediction_errors
-from comcal.identify.linearise import groups_of
+from comcal.identify.groups import groups_of
 from comcal.identify.mass_refit import MassRefit, refit_masses
 from comcal.identify.solution import Solution, solve_all
 from comcal.identify.unknowns import unknowns_of

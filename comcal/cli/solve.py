@@ -33,6 +33,19 @@ EXIT_UNUSABLE, EXIT_LIMIT = 3, 5
 )
 @click.option("--masses", is_flag=True, help="Try to refit the link masses too, and judge that.")
 @click.option(
+    "--no-currents", is_flag=True, help="Leave motor currents and joint torques out of it."
+)
+@click.option(
+    "--free-masses",
+    is_flag=True,
+    help="Look for the mass of every link as well; other sensors than the feet's then count too.",
+)
+@click.option(
+    "--unknown-tares",
+    is_flag=True,
+    help="Find the offsets of the force sensors together with the CoMs.",
+)
+@click.option(
     "--drop", multiple=True, type=int, metavar="POSE", help="Leave a pose out. Repeatable."
 )
 @click.option(
@@ -47,6 +60,9 @@ def solve_command(
     method: str,
     as_published: bool,
     masses: bool,
+    no_currents: bool,
+    free_masses: bool,
+    unknown_tares: bool,
     drop: tuple[int, ...],
     held_out: str,
     as_json: bool,
@@ -62,6 +78,7 @@ def solve_command(
       comcal solve sessions/monday
     """
     from comcal.identify.calibration import Method, Verdict
+    from comcal.identify.scope import Scope
     from comcal.report.console import make_console
     from comcal.workflow.calibrate import is_chain, solve_session
 
@@ -71,14 +88,18 @@ def solve_command(
     if is_chain(session):
         from comcal.cli.solve_chain import solve_chain
 
-        if as_published or masses or method != "both":
-            raise click.UsageError("--as-published, --masses and --method need a robot with a URDF")
+        if as_published or masses or free_masses or unknown_tares or method != "both":
+            raise click.UsageError(
+                "--as-published, --masses, --free-masses, --unknown-tares and --method need a "
+                "robot with a URDF"
+            )
         return solve_chain(session, drop, held_out, as_json)
     if held_out:
         raise click.UsageError(
             "--held-out is for chains without URDF; solve cross-validates others"
         )
-    solved = solve_session(session, Method(method), drop)
+    scope = Scope(not no_currents, free_masses, unknown_tares)
+    solved = solve_session(session, Method(method), drop, scope)
     calibration = solved.calibration
     if as_json:
         click.echo(json.dumps(json.loads(solved.files[0].read_text("utf-8")), indent=1))

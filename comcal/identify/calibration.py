@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
 
 from comcal.errors import RankError
 from comcal.identify.difference import RouteDifference, route_difference
+from comcal.identify.groups import groups_of
 from comcal.identify.paper_route import PaperRoute, paper_route
+from comcal.identify.scope import Scope
 from comcal.identify.solution import Solution, solve_all
 from comcal.measure.plan import NONE
 from comcal.measure.table import PoseTable
@@ -73,6 +75,8 @@ class Calibration:
     reason : str
         Why the verdict is ``not_identifiable``, and the pose that would change it; or why limits
         that are set were not judged.
+    without_torques : Solution or None
+        The all-data route from foot wrenches alone, where torques took part.
     """
 
     robot: Robot
@@ -84,10 +88,24 @@ class Calibration:
     checks: tuple[Check, ...]
     verdict: Verdict
     reason: str = ""
+    without_torques: Solution | None = None
 
 
-def calibrate(robot: Robot, table: PoseTable, method: Method = Method.BOTH) -> Calibration:
+def calibrate(
+    robot: Robot,
+    table: PoseTable,
+    method: Method = Method.BOTH,
+    scope: Scope | None = None,
+) -> Calibration:
     """Take both routes (or one) and judge the result by the robot's limits.
+
+    Parameters
+    ----------
+    robot : Robot
+    table : PoseTable
+    method : Method
+    scope : Scope, optional
+        What the all-data route uses and looks for.
 
     Raises
     ------
@@ -96,6 +114,7 @@ def calibrate(robot: Robot, table: PoseTable, method: Method = Method.BOTH) -> C
     MissingColumnError, NotFiniteError, DataError
         If the wrench or the error of a loaded sensor is not known.
     """
+    scope = scope or Scope()
     measured = has_wrenches(robot, table)
     paper = paper_route(robot, table) if method is not Method.LSTSQ else None
     if paper is not None and method is Method.CRAMER and not paper.choices:
@@ -104,9 +123,12 @@ def calibrate(robot: Robot, table: PoseTable, method: Method = Method.BOTH) -> C
             where=str(table.source or "pose table"),
             next_step="add the poses named, or use --method lstsq",
         )
-    solution = None
-    if method is not Method.CRAMER and measured:
-        solution = solve_all(robot, table)
+    solution, without_torques = None, None
+    if method is not Method.CRAMER and (measured or _has_torques(robot, table, scope)):
+        solution = solve_all(robot, table, scope)
+        used = any(group.layout.torques for group in solution.adjustment.groups)
+        if used and measured:
+            without_torques = solve_all(robot, table, replace(scope, torques=False))
     elif method is Method.LSTSQ:
         raise RankError(
             "the all-data route needs foot wrenches; this session has none of a standing pose",
@@ -114,7 +136,9 @@ def calibrate(robot: Robot, table: PoseTable, method: Method = Method.BOTH) -> C
             next_step="record poses with support 'double' or one foot; where the CoMs are given, "
             "use --method cramer",
         )
-    difference = route_difference(solution.adjustment, paper, table) if solution and paper else None
+    difference = None
+    if solution and paper and not scope.free_masses:  # the paper's route takes masses as given
+        difference = route_difference(solution.adjustment, paper, table)
     reason = _not_identifiable(robot, table, solution, paper)
     checks = _checks(robot.limits, robot, solution)
     if reason:
@@ -135,7 +159,13 @@ def calibrate(robot: Robot, table: PoseTable, method: Method = Method.BOTH) -> C
         checks=checks,
         verdict=verdict,
         reason=reason,
+        without_torques=without_torques,
     )
+
+
+def _has_torques(robot: Robot, table: PoseTable, scope: Scope) -> bool:
+    """Return whether some pose has a torque that statics explains without any foot sensor."""
+    return scope.torques and bool(groups_of(robot, table, scope.rows))
 
 
 def has_wrenches(robot: Robot, table: PoseTable) -> bool:
@@ -169,7 +199,10 @@ def _not_identifiable(
     if paper is not None and len(paper.choices) > 0:
         return ""
     if all(support == NONE for support in table.support):
-        return "the robot is held in every pose; record poses in which a foot stands"
+        return (
+            "the robot is held in every pose, so neither its mass nor its total CoM is determined, "
+            "whatever the joint torques fit; record poses in which a foot with a sensor stands"
+        )
     if solution is None:
         return paper.reason if paper is not None else "no route was taken"
     if is_one_shape(robot, table):

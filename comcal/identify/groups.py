@@ -12,13 +12,14 @@ import numpy.typing as npt
 
 from comcal.errors import NotFiniteError
 from comcal.identify.torque_readings import TorqueReadings, torque_readings
+from comcal.identify.unknowns import unknowns_of
 from comcal.measure.plan import NONE
 from comcal.measure.table import PoseTable
 from comcal.robot.frames import rotation_from_rpy
 from comcal.robot.model import Base, Robot
 from comcal.robot.tree import Array
 from comcal.statics.balance import Balance, balance_at
-from comcal.statics.cut_rows import cuts_of
+from comcal.statics.cut_rows import Cut, cuts_of
 from comcal.statics.static_rows import RowLayout
 from comcal.statics.support import (
     Carrier,
@@ -37,6 +38,8 @@ class Rows(Flag):
     """Joint torques, from ``tau.*`` or motor currents."""
     CUTS = auto()
     """Sensors that do not carry the robot: foot in the air, hips, arms."""
+    IDLE_CUTS = auto()
+    """Those of them below which nothing is unknown, such as the sole of the foot in the air."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,9 @@ class Group:
     def inputs(self) -> Array:
         """What was measured, shape (N, n_inputs)."""
         n = len(self.q)
-        parts = [self.w.reshape(n, -1), self.q, self.cut_wrenches.reshape(n, -1), self.torques]
+        cuts = self.cut_wrenches.reshape(n, 6 * len(self.layout.cuts))
+        loads = self.w.reshape(n, 6 * len(self.carrier.sensors))
+        parts = [loads, self.q, cuts, self.torques]
         return np.concatenate(parts if self.up is None else [*parts, self.up], axis=1)
 
     def balance_at(self, robot: Robot, inputs: Array) -> Balance:
@@ -103,12 +108,13 @@ class Group:
 
     def split(self, inputs: Array) -> tuple[Array, Array]:
         """Return loaded wrenches and angles of an input array of this group's layout."""
-        at = self.layout.q_columns
-        return inputs[:, : at.start].reshape(len(inputs), -1, 6), inputs[:, at]
+        at, n = self.layout.q_columns, len(self.carrier.sensors)
+        return inputs[:, : at.start].reshape(len(inputs), n, 6), inputs[:, at]
 
     def others(self, inputs: Array) -> tuple[Array, Array]:
         """Return wrenches at the cuts and torques of an input array of this group's layout."""
-        wrenches = inputs[:, self.layout.cut_columns].reshape(len(inputs), -1, 6)
+        wrenches = inputs[:, self.layout.cut_columns]
+        wrenches = wrenches.reshape(len(inputs), len(self.layout.cuts), 6)
         return wrenches, inputs[:, self.layout.torque_columns]
 
     def select(self, keep: npt.ArrayLike) -> Group:
@@ -168,8 +174,8 @@ def _groups_of_support(
     """Yield a group for every pattern of readings that are there, in the order of their poses."""
     cuts = tuple(
         cut
-        for cut in (cuts_of(robot, carrier) if Rows.CUTS in rows else ())
-        if cut.sensor in table.wrench
+        for cut in cuts_of(robot, carrier)
+        if cut.sensor in table.wrench and (Rows.CUTS in rows or _is_idle(robot, cut, rows))
     )
     there = np.zeros((len(index), 0), np.bool_)
     if torques is not None:
@@ -186,6 +192,10 @@ def _groups_of_support(
         layout = RowLayout(carrier, used, tuple(int(j) for j in joints), n_joints)
         if layout.n_rows:
             yield _group(robot, table, torques, layout, index[member.ravel() == k])
+
+
+def _is_idle(robot: Robot, cut: Cut, rows: Rows) -> bool:
+    return Rows.IDLE_CUTS in rows and not cut.below[list(unknowns_of(robot).links)].any()
 
 
 def _whole(table: PoseTable, sensor: str) -> npt.NDArray[np.bool_]:

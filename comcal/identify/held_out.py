@@ -16,6 +16,7 @@ from comcal.identify.unknowns import Unknowns
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
 from comcal.statics.balance import first_moments, residual
+from comcal.statics.static_rows import row_residual
 
 FOLDS = 10
 """Folds of the cross-validation, or leave-one-out where there are fewer poses."""
@@ -36,6 +37,8 @@ class HeldOut:
     poses : int
     rank_lost : int
         Folds without which the rest did not determine everything the whole session does.
+    torque_rms : float
+        Of joint torques, given the measured foot wrench [N m]; NaN where none is used.
     """
 
     com_rms: float
@@ -44,6 +47,7 @@ class HeldOut:
     moment_rms: float
     poses: int
     rank_lost: int
+    torque_rms: float = np.nan
 
 
 def held_out_error(robot: Robot, unknowns: Unknowns, groups: Sequence[Group], rank: int) -> HeldOut:
@@ -59,13 +63,15 @@ def held_out_error(robot: Robot, unknowns: Unknowns, groups: Sequence[Group], ra
     HeldOut
         All NaN for a single pose: nothing is left to fit.
     """
-    rows = sorted(row for group in groups if not group.layout.hangs for row in group.rows)
+    rows = sorted(row for group in groups for row in group.rows)
+    standing = sum(len(group.rows) for group in groups if not group.layout.hangs)
     if len(rows) < 2:
-        return HeldOut(np.nan, np.nan, np.nan, np.nan, len(rows), 0)
+        return HeldOut(np.nan, np.nan, np.nan, np.nan, standing, 0)
     folds = min(FOLDS, len(rows))
     distance: list[Array] = []
     force: list[Array] = []
     moment: list[Array] = []
+    torque: list[Array] = []
     lost = 0
     for fold in range(folds):
         left_out = set(rows[fold::folds])
@@ -74,18 +80,21 @@ def held_out_error(robot: Robot, unknowns: Unknowns, groups: Sequence[Group], ra
         lost += fit.rank < rank
         for group in groups:
             part = group.select([r in left_out for r in group.rows])
+            if part.rows and part.layout.torques:
+                torque.append(torque_errors(robot, unknowns, part, fit.theta).ravel())
             if part.rows and not part.layout.hangs:
                 errors = prediction_errors(robot, unknowns, part, fit.theta)
                 for store, error in zip((distance, force, moment), errors, strict=True):
                     store.append(error)
-    com_rms = _rms(np.concatenate(distance))
+    com_rms = _rms(distance)
     return HeldOut(
         com_rms=com_rms,
-        com_upper=upper_95(com_rms, len(rows)),
-        force_rms=_rms(np.concatenate(force)),
-        moment_rms=_rms(np.concatenate(moment)),
-        poses=len(rows),
+        com_upper=upper_95(com_rms, standing),
+        force_rms=_rms(force),
+        moment_rms=_rms(moment),
+        poses=standing,
         rank_lost=lost,
+        torque_rms=_rms(torque),
     )
 
 
@@ -129,5 +138,15 @@ def prediction_errors(
     return distance, np.abs(left[:, 0]), np.linalg.norm(left[:, 1:], axis=1)
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def torque_errors(robot: Robot, unknowns: Unknowns, group: Group, theta: Array) -> Array:
+    """Return measured less predicted joint torques, without any fitting, (N, n_torques) [N m]."""
+    inputs = without_offsets(unknowns, group, theta)
+    wrenches, torques = group.others(inputs)
+    balance = group.balance_at(robot, inputs)
+    model = model_at(unknowns, group, theta)
+    left = row_residual(group.layout, balance, wrenches, torques, model)
+    return left[:, group.layout.torque_rows]
+
+
+def _rms(parts: Sequence[Array]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else np.nan

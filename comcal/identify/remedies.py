@@ -11,13 +11,14 @@ import numpy.typing as npt
 
 from comcal.errors import ConfigError
 from comcal.identify.adjust import Adjustment
-from comcal.identify.linearise import regressor
+from comcal.identify.linearise import model_at, regressor
 from comcal.robot.frames import apply, rotation_about
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
 from comcal.statics.balance import balance_at
 from comcal.statics.configurations import foot_side_links
 from comcal.statics.stance import stance_frame
+from comcal.statics.static_rows import row_jacobian
 from comcal.statics.support import Carrier, carrier_of
 
 SHOWN = 0.01
@@ -42,8 +43,8 @@ class Remedies:
         [m/s^2]
     of_feet : array of bool, shape (size,)
         Unknowns of links on the feet's side of the standing ankles.
-    session : array, shape (N, 4, size)
-        Regressor of the poses there are.
+    session : list of array, shape (n_rows, size)
+        Regressor of each of the poses there are.
     bends, others : list of (words, array of shape (4, size))
         One joint bent; the other foot.
     slopes, together : list of (words, array of shape (4, size))
@@ -53,7 +54,7 @@ class Remedies:
 
     gravity: float
     of_feet: npt.NDArray[np.bool_]
-    session: Array
+    session: list[Array]
     bends: list[tuple[str, Array]]
     others: list[tuple[str, Array]]
     slopes: list[tuple[str, Array]]
@@ -63,11 +64,26 @@ class Remedies:
     def around(cls, adjustment: Adjustment) -> Remedies:
         """Return what poses around those of a session would do."""
         unknowns, groups = adjustment.unknowns, adjustment.groups
-        robot, first = unknowns.robot, groups[0]
-        balances = [balance_at(robot, g.carrier, g.q, g.w) for g in groups]
-        session = [regressor(balance, unknowns, balance.direction) for balance in balances]
-        R, _ = stance_frame(robot, first.carrier.support, balances[0].placements)
-        up = R[0].T @ balances[0].direction[0]
+        robot = unknowns.robot
+        session: list[Array] = []
+        for group in groups:
+            balance = group.balance_at(robot, group.inputs)
+            wrenches, _ = group.others(group.inputs)
+            model = model_at(unknowns, group, adjustment.theta)
+            B = row_jacobian(group.layout, balance, wrenches, model)
+            session += [*regressor(balance, unknowns, balance.direction, group.layout, B)]
+        one_foot = [*_one_foot_carriers(robot)]
+        first = next((group for group in groups if not group.layout.hangs), None)
+        up, q, carrier = np.array([0.0, 0.0, 1.0]), groups[0].q[0], None
+        if first is not None:
+            balance = first.balance_at(robot, first.inputs)
+            R, _ = stance_frame(robot, first.carrier.support, balance.placements)
+            up, q, carrier = R[0].T @ balance.direction[0], first.q[0], first.carrier
+        elif one_foot:
+            carrier = one_foot[0]
+        if carrier is None:  # nothing measures what a foot carries: there is nothing to try
+            nobody = np.zeros(unknowns.size, np.bool_)
+            return cls(robot.gravity, nobody, session, [], [], [], [])
 
         def rows(carrier: Carrier, q: Array, up_in_P: Array) -> Array:
             unloaded = np.ones((1, len(carrier.sensors), 6))
@@ -75,38 +91,39 @@ class Remedies:
             R, _ = stance_frame(robot, carrier.support, balance.placements)
             return regressor(balance, unknowns, apply(R, up_in_P))[0]
 
-        n_joints = first.q.shape[1]
+        n_joints = len(q)
         bends = [
-            (f"a pose that moves {name} by itself", rows(first.carrier, first.q[0] + bend, up))
+            (f"a pose that moves {name} by itself", rows(carrier, q + bend, up))
             for name, bend in zip(
                 robot.tree.joint_names, TRIAL_BEND * np.eye(n_joints), strict=True
             )
         ]
         measured = {group.carrier.support for group in groups}
-        one_foot = [*_one_foot_carriers(robot)]
         others = [
-            (f"a pose standing on the {carrier.support} foot", rows(carrier, first.q[0], up))
-            for carrier in one_foot
-            if carrier.support not in measured
+            (f"a pose standing on the {other.support} foot", rows(other, q, up))
+            for other in one_foot
+            if other.support not in measured
         ]
         leans = [rotation_about(axis, TRIAL_SLOPE) @ up for axis in np.eye(3)[:2]]
-        slopes = [("a pose on a slope", rows(first.carrier, first.q[0], lean)) for lean in leans]
+        slopes = [("a pose on a slope", rows(carrier, q, lean)) for lean in leans]
         together = [
             (
-                f"a pose on the {carrier.support} foot that moves several joints, on a slope,",
+                f"a pose on the {other.support} foot that moves several joints, on a slope,",
                 rows(
-                    carrier,
-                    first.q[0] + TRIAL_BEND * np.cos(k * (1.0 + np.arange(n_joints))),
+                    other,
+                    q + TRIAL_BEND * np.cos(k * (1.0 + np.arange(n_joints))),
                     leans[k % 2],
                 ),
             )
-            for carrier in one_foot
+            for other in one_foot
             for k in range(1, BENT_TOGETHER + 1)
         ]
-        side = foot_side_links(robot, first.carrier)[list(unknowns.links)]
-        of_feet = np.concatenate([[False], np.repeat(side, 3)])
-        gravity = robot.gravity
-        return cls(gravity, of_feet, np.concatenate(session), bends, others, slopes, together)
+        side = foot_side_links(robot, carrier)[list(unknowns.links)]
+        of_feet = np.zeros(unknowns.size, np.bool_)
+        of_feet[unknowns.n_masses : unknowns.first_offset] = np.repeat(side, 3)
+        if unknowns.free_masses:
+            of_feet[: unknowns.n_masses] = side
+        return cls(robot.gravity, of_feet, session, bends, others, slopes, together)
 
     def of_direction(self, direction: Array, large: npt.NDArray[np.bool_]) -> str:
         """Return the first pose that shows a direction.

@@ -11,9 +11,9 @@ from scipy.special import chdtrc
 
 from comcal.identify.adjust import Adjustment, adjust
 from comcal.identify.cad_inputs import CadInputs, cad_inputs
-from comcal.identify.groups import groups_of
 from comcal.identify.held_out import HeldOut, held_out_error
-from comcal.identify.unknowns import Unknowns, unknowns_of
+from comcal.identify.scope import Scope, scoped
+from comcal.identify.unknowns import Unknowns, bodies_of
 from comcal.identify.words import Combination, Unseen, combinations_of, unseen_directions
 from comcal.measure.plan import NONE
 from comcal.measure.table import PoseTable
@@ -23,6 +23,8 @@ from comcal.robot.tree import Array
 from comcal.statics.configurations import placed_in_stance
 from comcal.statics.joint_slopes import joint_slopes
 from comcal.statics.support import Carrier, carrier_of
+
+MEASURED, COMBINATION, PRIOR = "measured", "combination", "prior"
 
 SEEN_SHARE = 0.1
 """A component counts as measured when less than this share of it lies in unseen directions. Noise
@@ -37,7 +39,7 @@ class LinkCom:
     Parameters
     ----------
     mass : float
-        From the URDF [kg].
+        From the URDF [kg], or measured where masses are free.
     com : array, shape (3,)
         [m]; NaN where it is neither determined by itself nor taken from the URDF.
     cov : array, shape (3, 3)
@@ -46,6 +48,12 @@ class LinkCom:
     source : tuple of str or None, length 3
         ``measured``; ``prior`` (URDF: links below a cut, negligible links); ``combination`` (only
         a sum with other links is determined); None (not seen at all).
+    mass_sigma : float
+        [kg]; NaN where it is not measured.
+    mass_source : str
+        ``prior`` (URDF), ``measured``, or ``combination``, where the mass stays the URDF's.
+    members : tuple of str
+        Links fixed to this one: it takes what they deviate from the URDF.
     """
 
     link: str
@@ -54,6 +62,9 @@ class LinkCom:
     cov: Array
     identifiable: npt.NDArray[np.bool_]
     source: tuple[str | None, str | None, str | None]
+    mass_sigma: float = np.nan
+    mass_source: str = PRIOR
+    members: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -84,7 +95,10 @@ class Solution:
     Parameters
     ----------
     mass, mass_sigma : float
-        Of the whole robot [kg]; sigma from noise and from the masses below the cuts.
+        Of the whole robot [kg]; sigma from noise and from the masses below the cuts. NaN where no
+        pose says anything about it, as joint torques alone do not.
+    scope : Scope
+        What was used and looked for.
     misfit_p : float
         Probability of a misfit at least as large if model and noise are right.
     """
@@ -98,10 +112,18 @@ class Solution:
     unseen: tuple[Unseen, ...]
     held_out: HeldOut
     misfit_p: float
+    scope: Scope
 
 
-def solve_all(robot: Robot, table: PoseTable) -> Solution:
-    """Fit every standing pose at once.
+def solve_all(robot: Robot, table: PoseTable, scope: Scope | None = None) -> Solution:
+    """Fit every pose at once.
+
+    Parameters
+    ----------
+    robot : Robot
+    table : PoseTable
+    scope : Scope, optional
+        By default the balance of standing poses, for the mass of the robot and first moments.
 
     Raises
     ------
@@ -110,17 +132,18 @@ def solve_all(robot: Robot, table: PoseTable) -> Solution:
     MissingColumnError, NotFiniteError, DataError
         If the wrench or the error of a loaded sensor is not known.
     """
-    groups = groups_of(robot, table)
-    unknowns = unknowns_of(robot)
+    scope = scope or Scope()
+    unknowns, groups = scoped(robot, table, scope)
     fit = adjust(robot, unknowns, groups)
     inputs = cad_inputs(fit)
     from_cad = inputs.cov
     combinations = combinations_of(fit)
+    mass, mass_sigma = _mass(fit, from_cad)
     in_sums = {name for combination in combinations for name in combination.coefficients}
     return Solution(
         adjustment=fit,
-        mass=unknowns.mass(fit.theta),
-        mass_sigma=_mass_sigma(fit, from_cad),
+        mass=mass,
+        mass_sigma=mass_sigma,
         links=tuple(_link(fit, k, from_cad, in_sums) for k in range(len(robot.tree.links))),
         poses=tuple(
             _pose(fit, inputs, table, i)
@@ -131,6 +154,7 @@ def solve_all(robot: Robot, table: PoseTable) -> Solution:
         unseen=unseen_directions(fit),
         held_out=held_out_error(robot, unknowns, groups, fit.rank),
         misfit_p=float(chdtrc(fit.dof, fit.chi2)) if fit.dof > 0 else float("nan"),
+        scope=scope,
     )
 
 
@@ -224,7 +248,7 @@ def _link(fit: Adjustment, k: int, from_cad: Array, in_sums: set[str]) -> LinkCo
     column = unknowns.column(k)
     if column is None:
         known = link.has_inertial
-        source = "prior" if known else None
+        source = PRIOR if known else None
         nothing = np.full((3, 3), np.nan)
         return LinkCom(
             link=link.name,
@@ -234,21 +258,39 @@ def _link(fit: Adjustment, k: int, from_cad: Array, in_sums: set[str]) -> LinkCo
             identifiable=np.zeros(3, np.bool_),
             source=(source, source, source),
         )
+    cov = fit.cov + fit.cov_cad + from_cad
     at = slice(column, column + 3)
-    hidden = fit.visibility(np.eye(unknowns.size)[at])
-    seen = hidden < SEEN_SHARE
+    mass, mass_sigma, mass_source = link.mass, np.nan, PRIOR
+    functional = np.eye(unknowns.size)[at]
+    mass_column = unknowns.mass_column(k)
+    if mass_column is not None:
+        mass_source = COMBINATION
+        if fit.visibility(np.eye(unknowns.size)[mass_column]) < SEEN_SHARE:
+            mass, mass_source = float(fit.theta[mass_column]), MEASURED
+            mass_sigma = float(np.sqrt(cov[mass_column, mass_column]))
+        # d(h / m) = (dh - c dm) / m: what a CoM needs to be measured.
+        functional[:, mass_column] = -fit.theta[at] / mass
+    seen = fit.visibility(functional) < SEEN_SHARE
     both = np.outer(seen, seen)
     names = [
-        "measured" if is_seen else "combination" if name in in_sums else None
+        MEASURED if is_seen else COMBINATION if name in in_sums else None
         for is_seen, name in zip(seen, unknowns.names[at], strict=True)
     ]
+    bodies = bodies_of(robot)
     return LinkCom(
         link=link.name,
-        mass=link.mass,
-        com=np.where(seen, fit.theta[at] / link.mass, np.nan),
-        cov=np.where(both, (fit.cov + fit.cov_cad + from_cad)[at, at] / link.mass**2, np.nan),
+        mass=mass,
+        com=np.where(seen, fit.theta[at] / mass, np.nan),
+        cov=np.where(both, functional @ cov @ functional.T / mass**2, np.nan),
         identifiable=seen,
         source=(names[0], names[1], names[2]),
+        mass_sigma=mass_sigma,
+        mass_source=mass_source,
+        members=tuple(
+            other.name
+            for j, other in enumerate(robot.tree.links)
+            if bodies[j] == bodies[k] and j != k and other.mass
+        ),
     )
 
 
@@ -265,10 +307,13 @@ def _pose(fit: Adjustment, inputs: CadInputs, table: PoseTable, i: int) -> PoseC
     return PoseCom(i, table.pose[i], xyz[0], carried[0], cov[0] + encoder, cov_cad[0])
 
 
-def _mass_sigma(fit: Adjustment, from_cad: Array) -> float:
+def _mass(fit: Adjustment, from_cad: Array) -> tuple[float, float]:
+    """Return the mass of the whole robot and its sigma [kg]; NaN where it is not determined."""
     unknowns = fit.unknowns
-    L, _ = unknowns.mass_functional(np.ones(len(unknowns.robot.tree.links), np.bool_))
-    return float(np.sqrt(L @ (fit.cov + fit.cov_cad + from_cad) @ L))
+    L, known = unknowns.mass_functional(np.ones(len(unknowns.robot.tree.links), np.bool_))
+    if fit.visibility(L) > SEEN_SHARE:
+        return np.nan, np.nan
+    return float(L @ fit.theta) + known, float(np.sqrt(L @ (fit.cov + fit.cov_cad + from_cad) @ L))
 
 
 def sigmas(cov: Array) -> Array:

@@ -10,6 +10,7 @@ from comcal.identify.calibration import MISFIT, Calibration, Check, Verdict
 from comcal.identify.paper_route import PaperRoute
 from comcal.identify.solution import LinkCom, Solution, sigmas
 from comcal.report.console import PLUS_MINUS, print_lines, print_table
+from comcal.report.with_torques import print_with_and_without
 
 MM = 1e3
 _UNIT = {"m": (1e3, "mm"), "kg": (1.0, "kg")}
@@ -32,6 +33,8 @@ def print_calibration(console: Console, calibration: Calibration, *, full: bool 
         _paper(console, calibration.paper, full=full)
     if calibration.solution is not None:
         _solution(console, calibration.solution, full=full)
+    if calibration.without_torques is not None and calibration.solution is not None:
+        print_with_and_without(console, calibration.solution, calibration.without_torques)
     _difference(console, calibration)
     _mass(console, calibration)
     console.print()
@@ -158,11 +161,13 @@ def _solution(console: Console, solution: Solution, *, full: bool) -> None:
     fit = solution.adjustment
     _heading(console, "All data at once: CoM of each link in its URDF frame")
     rows = [
-        (link.link, f"{link.mass:.3f}", *(_component(link, i) for i in range(3)))
+        (link.link, _link_mass(solution, link), *(_component(link, i) for i in range(3)))
         for link in solution.links
         if link.source != (None, None, None) or link.mass > 0
     ]
-    print_table(console, rows, ("link", "mass kg (URDF)", "x mm", "y mm", "z mm"))
+    mass = "mass kg" if fit.unknowns.free_masses else "mass kg (URDF)"
+    print_table(console, rows, ("link", mass, "x mm", "y mm", "z mm"))
+    _bodies(console, solution)
     quality = (
         f"rank {fit.rank} of {fit.unknowns.size} unknowns, condition {fit.condition:.0f}, "
         f"chi2 {fit.chi2:.1f} for {fit.dof} degrees of freedom"
@@ -183,14 +188,17 @@ def _solution(console: Console, solution: Solution, *, full: bool) -> None:
         print_table(console, _by_remedy(solution), ("first moments", "apart from one another"))
     held = solution.held_out
     _heading(console, "Held-out poses (cross-validated)")
-    if np.isnan(held.com_rms):
-        console.print("a single pose leaves nothing to hold out")
-        return
-    lines = [
-        f"total CoM off the measured line by {held.com_rms * MM:.2f} mm rms (95 % upper end "
-        f"{held.com_upper * MM:.2f} mm), {held.poses} poses",
-        f"force {held.force_rms:.2f} N rms, moment {held.moment_rms:.3f} N m rms",
-    ]
+    lines: list[str] = []
+    if not np.isnan(held.com_rms):
+        lines += [
+            f"total CoM off the measured line by {held.com_rms * MM:.2f} mm rms (95 % upper end "
+            f"{held.com_upper * MM:.2f} mm), {held.poses} poses",
+            f"force {held.force_rms:.2f} N rms, moment {held.moment_rms:.3f} N m rms",
+        ]
+    elif np.isnan(held.torque_rms):
+        lines.append("a single pose leaves nothing to hold out")
+    if not np.isnan(held.torque_rms):
+        lines.append(f"joint torque {held.torque_rms:.3f} N m rms, given the measured foot wrench")
     if held.rank_lost:
         lines.append(
             f"{held.rank_lost} time(s) the poses left out were the only ones of their kind: they "
@@ -209,6 +217,22 @@ def _by_remedy(solution: Solution) -> list[tuple[str, str]]:
         (", ".join(name for name in order if name in parts), remedy)
         for remedy, parts in grouped.items()
     ]
+
+
+def _link_mass(solution: Solution, link: LinkCom) -> str:
+    if not solution.adjustment.unknowns.free_masses:
+        return f"{link.mass:.3f}"
+    if link.mass_source == "measured":
+        return _pm(link.mass, link.mass_sigma)
+    return "in a sum" if link.mass_source == "combination" else f"({link.mass:.3f} URDF)"
+
+
+def _bodies(console: Console, solution: Solution) -> None:
+    """Say which links are taken as one with another."""
+    for link in solution.links:
+        if link.members:
+            line = f"{link.link} stands also for what is fixed to it: {', '.join(link.members)}"
+            print_lines(console, [line])
 
 
 def _component(link: LinkCom, i: int) -> str:
@@ -252,6 +276,12 @@ def _mass(console: Console, calibration: Calibration) -> None:
         return
     urdf = calibration.robot.tree.total_mass
     _heading(console, "Mass of the whole robot")
+    if np.isnan(solution.mass):
+        line = (
+            "not determined: no pose weighs the whole robot; its total CoM is not determined either"
+        )
+        print_lines(console, [line], style="bold")
+        return
     line = (
         f"{_pm(solution.mass, solution.mass_sigma)} kg measured, {urdf:.3f} kg in the URDF "
         f"({solution.mass - urdf:+.3f} kg)"

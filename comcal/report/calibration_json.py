@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -53,12 +54,18 @@ def calibration_json(calibration: Calibration, made_from: Mapping[str, str]) -> 
         else [],
         "cramer": _cramer(calibration.paper),
         "difference": _difference(calibration.difference),
+        "without_torques": _without_torques(calibration.without_torques),
+        "scope": asdict(solution.scope) if solution else None,
         "notes": list(calibration.table.notes),
         "sha256": dict(made_from),
     }
     if solution:
         urdf = calibration.robot.tree.total_mass
-        result["mass"] = {"value": solution.mass, "sigma": solution.mass_sigma, "urdf": urdf}
+        result["mass"] = {
+            "value": _number(solution.mass),
+            "sigma": _number(solution.mass_sigma),
+            "urdf": urdf,
+        }
     if calibration.coefficients is not None:
         mass, sigma = calibration.coefficients.mass, calibration.coefficients.mass_sigma
         weight = 1.0 / sigma**2
@@ -146,6 +153,9 @@ def _link(link: LinkCom) -> dict[str, Any]:
         "cov": _numbers(link.cov),
         "identifiable": [bool(i) for i in link.identifiable],
         "source": list(link.source),
+        "mass_sigma": _number(link.mass_sigma),
+        "mass_source": link.mass_source,
+        "members": list(link.members),
     }
 
 
@@ -158,10 +168,32 @@ def _combinations(solution: Solution | None) -> list[dict[str, Any]]:
             "coefficients": c.coefficients,
             "value": c.value,
             "sigma": c.sigma,
-            "unit": "kg" if c.words == "mass" else "kg m",
+            "unit": _unit(c.coefficients),
         }
         for c in solution.combinations
     ]
+
+
+def _unit(coefficients: Mapping[str, float]) -> str:
+    """Return the unit of a combination: that of its masses if it has no other parts."""
+    if all(name.endswith("mass") for name in coefficients):
+        return "kg"
+    if all(" offset " in name for name in coefficients):
+        return "N" if all(name[-2] == "f" for name in coefficients) else "N m"
+    return "kg m"
+
+
+def _without_torques(solution: Solution | None) -> dict[str, Any] | None:
+    if solution is None:
+        return None
+    fit = solution.adjustment
+    return {
+        "rank": fit.rank,
+        "condition": _number(fit.condition),
+        "chi2": fit.chi2,
+        "dof": fit.dof,
+        "held_out": _held_out(solution),
+    }
 
 
 def _held_out(solution: Solution | None) -> dict[str, Any] | None:
@@ -173,6 +205,7 @@ def _held_out(solution: Solution | None) -> dict[str, Any] | None:
         "com_upper_mm": _number(h.com_upper * 1e3),
         "force_rms": _number(h.force_rms),
         "moment_rms": _number(h.moment_rms),
+        "torque_rms": _number(h.torque_rms),
         "poses": h.poses,
     }
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from comcal.errors import UsageError
 from comcal.identify.calibration import Calibration, Method, calibrate
+from comcal.identify.scope import Scope
 from comcal.measure.session import Session, open_session
 from comcal.measure.session_poses import session_poses
 from comcal.measure.table import PoseTable
@@ -68,9 +69,21 @@ def load_session(directory: Path, drop: Sequence[int] = ()) -> tuple[Session, Ro
 
 
 def solve_session(
-    directory: Path, method: Method = Method.BOTH, drop: Sequence[int] = ()
+    directory: Path,
+    method: Method = Method.BOTH,
+    drop: Sequence[int] = (),
+    scope: Scope | None = None,
 ) -> Solved:
     """Calibrate a session and write ``results/NNN/result.json`` and ``used.csv``.
+
+    Parameters
+    ----------
+    directory : Path
+    method : Method
+    drop : sequence of int
+        Pose ids to leave out.
+    scope : Scope, optional
+        What the all-data route uses and looks for; by default all readings.
 
     Raises
     ------
@@ -79,7 +92,7 @@ def solve_session(
         written then.
     """
     session, robot, table = load_session(directory, drop)
-    calibration = calibrate(robot, table, method)
+    calibration = calibrate(robot, table, method, scope or Scope(torques=True))
     result = calibration_json(calibration, input_hashes(session, robot))
     return Solved(session, calibration, write_result(session, result))
 

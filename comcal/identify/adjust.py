@@ -43,9 +43,6 @@ CONVERGED = 1e-3
 NOISE_RATIO = 20.0
 """A direction counts as seen when the information on it exceeds that which the errors of angles and
 force directions alone would feign by this factor."""
-SURELY_SEEN = 1e-2
-"""Directions with this share of the largest information are seen: what errors feign is the square
-of an angle or of a relative force error, far less."""
 RELATIVE_RANK = 1e-7
 """Smallest singular value counted, relative to the largest: what rounding alone can make."""
 
@@ -197,13 +194,30 @@ def _seen_directions(
         structure += scales * np.einsum("nji,njk,nkl->il", A, a.W, A, optimize=True)
     value, vector = np.linalg.eigh(structure)
     is_seen = value > RELATIVE_RANK**2 * value[-1]
-    weak = np.flatnonzero(is_seen & (value < SURELY_SEEN * value[-1]))
+    weak = np.flatnonzero(is_seen & (value < _surely_seen(groups) * value[-1]))
     noise = np.zeros(len(weak))
     for a, group in zip(linear, groups, strict=True):
         directions = unknowns.scale[:, None] * vector[:, weak]
         noise += feigned_information(a, unknowns, group, directions)
     is_seen[weak] = value[weak] > NOISE_RATIO * noise
     return vector[:, is_seen], vector[:, ~is_seen]
+
+
+def _surely_seen(groups: Sequence[Group]) -> float:
+    """Return the share of the largest information above which a direction cannot be feigned.
+
+    An input's error turns some part of the rows by an angle, and feigns at most the square of that
+    angle of the largest information; all inputs together, their number times as much.
+    """
+    largest = 0.0
+    for group in groups:
+        q = np.einsum("nii->ni", group.cov)[:, group.layout.q_columns].max(initial=0.0)
+        force = np.linalg.norm(group.w[..., :3].sum(axis=1), axis=1)
+        noise = np.einsum("nii->ni", group.cov)[:, : group.layout.q_columns.start]
+        relative = noise.max(axis=1, initial=0.0) / np.maximum(force, 1e-9) ** 2
+        tilt = 0.0 if group.layout.hangs else float(relative.max(initial=0.0))
+        largest = max(largest, group.layout.n_inputs * (float(q) + tilt))
+    return min(1.0, NOISE_RATIO * largest) if largest else 0.0
 
 
 def _by_singular_value(seen: Array, information: Array, scale: Array) -> tuple[Array, Array]:

@@ -72,6 +72,20 @@ def skew(v: npt.ArrayLike) -> Array:
     return K
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Return ``a x b`` for stacks of vectors (..., 3), which may broadcast.
+
+    Several times faster than ``numpy.cross``, which moves axes about.
+    """
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    out[..., 0] = ay * bz - az * by
+    out[..., 1] = az * bx - ax * bz
+    out[..., 2] = ax * by - ay * bx
+    return out
+
+
 def apply(R: Array, v: npt.ArrayLike) -> Array:
     """Return ``R v`` for stacks of rotations (..., 3, 3) and vectors (..., 3)."""
     return np.einsum("...ij,...j->...i", R, np.asarray(v, dtype=np.float64))

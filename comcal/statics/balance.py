@@ -14,12 +14,12 @@ because there the derivatives with respect to joint angles are plain cross produ
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from comcal.robot.frames import apply, skew
+from comcal.robot.frames import apply, cross, skew
 from comcal.robot.kinematics import Placements, place_links
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array, JointType, Tree
@@ -58,6 +58,19 @@ class Balance:
     wrench_each: Array
     up: Array | None = None
     up_link: int = 0
+
+    def select(self, poses: npt.NDArray[np.intp]) -> Balance:
+        """Return the balance of some of the poses."""
+        at = self.placements
+        return replace(
+            self,
+            q=self.q[poses],
+            w=self.w[poses],
+            placements=Placements(at.tree, at.R[poses], at.p[poses]),
+            X=self.X[poses],
+            wrench_each=self.wrench_each[poses],
+            up=None if self.up is None else self.up[poses],
+        )
 
     @property
     def F(self) -> Array:
@@ -143,7 +156,7 @@ def residual(balance: Balance, mass: float, h: Array, masses: Array | None = Non
     g = balance.robot.gravity
     S = first_moments(balance, h, masses).sum(axis=1)
     force = np.linalg.norm(balance.F, axis=1) - mass * g
-    moment = balance.M - g * np.cross(S, balance.direction)
+    moment = balance.M - g * cross(S, balance.direction)
     return np.concatenate([force[:, None], moment], axis=1)
 
 
@@ -233,14 +246,14 @@ def input_jacobian(balance: Balance, h: Array, masses: Array | None = None) -> t
     F_beyond, M_beyond = W_beyond[..., :3], W_beyond[..., 3:]
 
     slides = motion.prismatic[:, None]
-    dF = np.where(slides, 0.0, np.cross(axis, F_beyond))
-    dM_turn = np.cross(axis, M_beyond) - np.cross(np.cross(axis, origin), F_beyond)
-    dM = np.where(slides, np.cross(axis, F_beyond), dM_turn)
-    dS_turn = np.cross(axis, S_beyond - m_beyond[:, None] * origin)
+    dF = np.where(slides, 0.0, cross(axis, F_beyond))
+    dM_turn = cross(axis, M_beyond) - cross(cross(axis, origin), F_beyond)
+    dM = np.where(slides, cross(axis, F_beyond), dM_turn)
+    dS_turn = cross(axis, S_beyond - m_beyond[:, None] * origin)
     dS = np.where(slides, m_beyond[:, None] * axis, dS_turn)
 
     per_joint = np.einsum("nij,nkj->nik", B_FM[:, :, :3], dF)
-    per_joint[:, 1:] += np.swapaxes(dM - g * np.cross(dS, f[:, None]), 1, 2)
+    per_joint[:, 1:] += np.swapaxes(dM - g * cross(dS, f[:, None]), 1, 2)
     B_q = per_joint @ motion.drive
     if len(on_link) < len(balance.carrier.frames):
         B_q += B_FM @ world_plate_slopes(balance)

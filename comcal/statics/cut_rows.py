@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from comcal.measure.plan import NONE
-from comcal.robot.frames import skew
+from comcal.robot.frames import cross, skew
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
 from comcal.statics.balance import Balance, first_moments
@@ -102,7 +102,7 @@ def cut_residual(
     m = (balance.robot.tree.masses if masses is None else masses)[cut.below].sum()
     S = first_moments(balance, h, masses)[:, cut.below].sum(axis=1)
     loads = balance.wrench_each[:, list(cut.feet)].sum(axis=1)
-    weight = g * np.concatenate([m * f, np.cross(S, f)], axis=1)
+    weight = g * np.concatenate([m * f, cross(S, f)], axis=1)
     return np.einsum("nij,nj->ni", cut_transform(balance, cut), wrench) - loads + weight
 
 
@@ -118,7 +118,7 @@ def cut_regressor(balance: Balance, cut: Cut, direction: Array) -> tuple[Array, 
     n, n_links = at.p.shape[:2]
     by_mass = np.zeros((n, 6, n_links))
     by_mass[:, :3] = direction[:, :, None]
-    by_mass[:, 3:] = np.swapaxes(np.cross(at.p, direction[:, None]), 1, 2)
+    by_mass[:, 3:] = np.swapaxes(cross(at.p, direction[:, None]), 1, 2)
     by_moment = np.zeros((n, 6, n_links, 3))
     by_moment[:, 3:] = np.swapaxes(-skew(direction)[:, None] @ at.R, 1, 2)
     return g * by_mass * cut.below, g * by_moment * cut.below[:, None]
@@ -162,6 +162,6 @@ def cut_jacobian(
         here = here - moves.beyond[:, frame][:, None] * balance.wrench_each[:, k][:, None]
     per_joint = moves.of_wrenches(here)
     moved = moves.of_moments(moves.beyond @ m, np.einsum("jk,nki->nji", moves.beyond, s))
-    per_joint[..., 3:] += g * np.cross(moved, f[:, None])
+    per_joint[..., 3:] += g * cross(moved, f[:, None])
     by_joint = np.swapaxes(per_joint, 1, 2) @ moves.motion.drive + by_f @ up.by_joint
     return by_wrench, X, by_joint, by_f @ up.by_up

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from comcal.robot.frames import cross
 from comcal.robot.tree import Array
 from comcal.statics.balance import Balance, JointMotion, joint_motion, world_plate_slopes
 
@@ -43,7 +44,7 @@ class Moves:
             Of the same, about the root origin [kg m].
         """
         arm = first_moment - mass[:, None] * self.origin
-        return np.where(self.slides, mass[:, None] * self.axis, np.cross(self.axis, arm))
+        return np.where(self.slides, mass[:, None] * self.axis, cross(self.axis, arm))
 
     def of_wrenches(self, wrench: Array) -> Array:
         """Return d(wrench)/d(each joint) of sensors beyond it, about the root, shape (N, M, 6).
@@ -54,9 +55,9 @@ class Moves:
             Sum of what those sensors measure, about the root origin [N, N m].
         """
         F, M = wrench[..., :3], wrench[..., 3:]
-        turned = np.cross(self.axis, F)
+        turned = cross(self.axis, F)
         dF = np.where(self.slides, 0.0, turned)
-        dM = np.cross(self.axis, M) - np.cross(np.cross(self.axis, self.origin), F)
+        dM = cross(self.axis, M) - cross(cross(self.axis, self.origin), F)
         return np.concatenate([dF, np.where(self.slides, turned, dM)], axis=-1)
 
 
@@ -100,7 +101,7 @@ def up_slopes(balance: Balance, moves: Moves) -> UpSlopes:
         size = np.linalg.norm(balance.up, axis=1)[:, None, None]
         across = (np.eye(3) - f[:, :, None] * f[:, None, :]) / size
         turns = moves.beyond[:, balance.up_link][:, None] * ~moves.slides
-        by_joint = np.swapaxes(np.cross(moves.axis, f[:, None]) * turns, 1, 2)
+        by_joint = np.swapaxes(cross(moves.axis, f[:, None]) * turns, 1, 2)
         nothing = np.zeros((n, 3, len(carrier.sensors), 6))
         return UpSlopes(nothing, by_joint @ moves.motion.drive, across @ R)
     size = np.linalg.norm(balance.F, axis=1)[:, None, None]

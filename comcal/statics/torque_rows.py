@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from comcal.measure.plan import NONE
+from comcal.robot.frames import cross
 from comcal.robot.model import Base, Robot
 from comcal.robot.tree import Array
 from comcal.statics.balance import Balance, first_moments, joint_motion
@@ -76,7 +77,7 @@ def _arms(balance: Balance, moves: Moves, h: Array, masses: Array | None) -> _Ar
     mass = moves.beyond @ m
     S = np.einsum("jk,nki->nji", moves.beyond, first_moments(balance, h, masses))
     arm = S - mass[:, None] * moves.origin
-    lever = g * np.where(moves.slides, mass[:, None] * moves.axis, np.cross(moves.axis, arm))
+    lever = g * np.where(moves.slides, mass[:, None] * moves.axis, cross(moves.axis, arm))
     return _Arms(mass, S, lever, loads_beyond(balance, moves))
 
 
@@ -105,7 +106,7 @@ def joint_torques(balance: Balance, moves: Moves, h: Array, masses: Array | None
 
 def _load_levers(moves: Moves) -> Array:
     """Return d(torque)/d(load beyond, about the root), shape (N, M, 6)."""
-    by_force = np.where(moves.slides, -moves.axis, np.cross(moves.axis, moves.origin))
+    by_force = np.where(moves.slides, -moves.axis, cross(moves.axis, moves.origin))
     return np.concatenate([by_force, np.where(moves.slides, 0.0, -moves.axis)], axis=-1)
 
 
@@ -126,7 +127,7 @@ def torque_regressor(balance: Balance, moves: Moves, direction: Array) -> tuple[
     at, g = balance.placements, balance.robot.gravity
     counted = moves.beyond * balance.carrier.carried
     along = np.sum(moves.axis * direction[:, None], axis=-1)
-    across = np.where(moves.slides, 0.0, np.cross(direction[:, None], moves.axis))
+    across = np.where(moves.slides, 0.0, cross(direction[:, None], moves.axis))
     by_mass = np.where(
         moves.slides[:, 0, None],
         along[..., None],
@@ -154,31 +155,30 @@ def torque_jacobian(
     """
     arms = _arms(balance, moves, h, masses)
     drive, f = moves.motion.drive, balance.direction[:, None]
-    lever = np.einsum("nji,jk->nki", arms.lever, drive)
+    n, n_joints, n_sensors = len(f), drive.shape[1], len(balance.carrier.sensors)
+    lever = drive.T @ arms.lever
 
-    holds = _holds(balance, moves)
-    direct = np.einsum("js,nji,nsik->njsk", holds, _load_levers(moves), balance.X, optimize=True)
-    by_wrench = np.einsum("njsk,ji->nisk", direct, drive, optimize=True)
-    by_wrench += np.einsum("nji,nisk->njsk", lever, up.by_wrench)
+    direct = _load_levers(moves)[:, None] @ balance.X * _holds(balance, moves).T[..., None]
+    by_wrench = np.swapaxes(drive.T @ direct, 1, 2)
+    by_wrench = by_wrench + (lever @ up.by_wrench.reshape(n, 3, 6 * n_sensors)).reshape(
+        n, n_joints, n_sensors, 6
+    )
 
     # Joint i beyond joint j moves a part of what j holds; joint i at or before j turns all of it,
     # which is the same as turning gravity the other way, since the loads turn with it.
-    moved = balance.robot.gravity * np.cross(moves.of_moments(arms.mass, arms.first_moment), f)
+    moved = balance.robot.gravity * cross(moves.of_moments(arms.mass, arms.first_moment), f)
     loads = moves.of_wrenches(arms.loads)
-    turn_M = moved - loads[..., 3:]
-    part = np.einsum("nji,nki->njk", moves.axis, turn_M)
-    part += np.einsum("nji,nki->njk", np.cross(moves.axis, moves.origin), loads[..., :3])
-    slide = -np.einsum("nji,nki->njk", moves.axis, loads[..., :3])
-    part = np.where(moves.slides, slide, part)
-    turned = -np.where(moves.slides, 0.0, np.cross(moves.axis, f))
-    whole = np.einsum("nji,nki->njk", arms.lever, turned)
+    force = np.swapaxes(loads[..., :3], 1, 2)
+    part = moves.axis @ np.swapaxes(moved - loads[..., 3:], 1, 2)
+    part += cross(moves.axis, moves.origin) @ force
+    part = np.where(moves.slides, -moves.axis @ force, part)
+    turned = -np.where(moves.slides, 0.0, cross(moves.axis, f))
+    whole = arms.lever @ np.swapaxes(turned, 1, 2)
     first = moves.motion.joint + 1
     inside = moves.beyond[:, first]  # inside[j, i]: joint i is joint j or lies beyond it
     strictly = inside * (1.0 - np.eye(len(first)))
-    per_joint = part * strictly + whole * inside.T
-    by_joint = np.einsum("njk,ji,kl->nil", per_joint, drive, drive, optimize=True)
-    by_joint += lever @ up.by_joint
-    return by_wrench, by_joint, lever @ up.by_up
+    by_joint = drive.T @ (part * strictly + whole * inside.T) @ drive
+    return by_wrench, by_joint + lever @ up.by_joint, lever @ up.by_up
 
 
 def _holds(balance: Balance, moves: Moves) -> Array:

@@ -24,6 +24,8 @@ from comcal_sims.world import World
 
 FORCE, MOMENT, ENCODER = 0.1, 0.01, np.deg2rad(0.02)
 """Realistic errors of a pose mean [N, N m, rad]."""
+TORQUE, IMU = 0.3, 0.005
+"""The same of torques [N m] and the IMU [m/s^2]."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,8 @@ class Bench:
             table,
             q=table.q + ENCODER * rng.standard_normal(table.q.shape),
             wrench={s: w + sigma * rng.standard_normal(w.shape) for s, w in table.wrench.items()},
+            torque=table.torque + TORQUE * rng.standard_normal(table.torque.shape),
+            imu=table.imu + IMU * rng.standard_normal(table.imu.shape),
         )
 
 
@@ -75,12 +79,13 @@ def measured(robot: Robot, plan: Sequence[PlannedPose], world: World) -> PoseTab
         wrench=wrench,
         wrench_cov={s: np.tile(np.diag(sigma**2), (n, 1, 1)) for s in wrench},
         torque=np.array([state.torques for state in states]),
-        torque_var=nan,
+        torque_var=np.full((n, m), TORQUE**2),
         current=nan,
         current_var=nan,
         com=nan3,
         com_var=nan3,
-        imu=nan3,
+        imu=np.array([np.full(3, np.nan) if s.imu is None else s.imu for s in states]),
+        imu_var=np.full((n, 3), IMU**2),
         configuration=tuple(p.configuration for p in plan),
         tilt=np.array([np.nan if p.tilt is None else p.tilt for p in plan]),
     )

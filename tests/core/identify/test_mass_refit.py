@@ -17,8 +17,8 @@ import pytest
 
 from comcal.errors import RankError
 from comcal.identify.adjust import adjust
-from comcal.identify.hung_moments import determined_sums
 from comcal.identify.groups import groups_of
+from comcal.identify.hung_moments import determined_sums
 from comcal.identify.mass_fit import fit_masses, with_masses
 from comcal.identify.mass_refit import MassRefit, refit_masses
 from comcal.identify.unknowns import unknowns_of

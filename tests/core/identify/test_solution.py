@@ -9,8 +9,8 @@ import pytest
 from comcal.errors import DataError
 from comcal.identify.adjust import adjust
 from comcal.identify.cad_inputs import cad_inputs
-from comcal.identify.held_out import prediction_errors
 from comcal.identify.groups import groups_of
+from comcal.identify.held_out import prediction_errors
 from comcal.identify.solution import rotated_moment_functional, solve_all, total_com_at
 from comcal.identify.unknowns import unknowns_of
 from comcal.measure.plan import PlannedPose

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from comcal.identify.adjust import adjust
-from comcal.identify.held_out import held_out_error
 from comcal.identify.groups import groups_of
+from comcal.identify.held_out import held_out_error
 from comcal.identify.unknowns import unknowns_of
 from comcal.identify.words import combinations_of, unseen_directions
 from comcal.measure.plan import PlannedPose

@@ -48,9 +48,7 @@ def test_loads_of_standing_random_trees_agree_with_pinocchio(
     agree_on_standing(pinocchio_oracle, tree, pinocchio_oracle.model_of(tree), on, seed)
 
 
-def agree_on_standing(
-    oracle: ModuleType, tree: Tree, model: pin.Model, on: str, seed: int
-) -> None:
+def agree_on_standing(oracle: ModuleType, tree: Tree, model: pin.Model, on: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     q = random_poses(tree, 4, seed)
     theirs = [oracle.expected(tree, model, pose, rng, on) for pose in q]

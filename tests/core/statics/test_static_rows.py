@@ -1,177 +1,156 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rows of torques and of cuts: true in every pose, linear in the masses, rightly differentiated."""
+"""CoM and static rows: what holds without another library, and what is refused."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from types import ModuleType
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from comcal.robot.model import Base, Robot, Sensor
-from comcal.statics.balance import balance_at
-from comcal.statics.cut_rows import cuts_of
-from comcal.statics.static_rows import (
-    Model,
-    RowLayout,
-    row_jacobian,
-    row_regressor,
-    row_residual,
+from comcal.errors import ConfigError, DataError
+from comcal.robot.kinematics import place_links
+from comcal.robot.tree import Array, Tree
+from comcal.statics.com import com_jacobian, total_com
+from comcal.statics.regressor import TORQUES, static_regressor
+from comcal.statics.standing_rows import standing_rows
+
+seeds = st.integers(0, 10**6)
+UP = np.array([0.0, 0.6, 0.8])
+
+
+@pytest.fixture(scope="module")
+def make(pinocchio_oracle: ModuleType):
+    return pinocchio_oracle.random_tree
+
+
+def tree_and_poses(make, seed: int, n: int = 3) -> tuple[Tree, Array]:
+    rng = np.random.default_rng(seed)
+    tree = make(rng)
+    return tree, rng.uniform(-3, 3, (n, len(tree.joint_names)))
+
+
+@given(seeds)
+def test_torques_are_the_slope_of_the_potential_energy(make, seed: int) -> None:
+    """Virtual work: what the motors hold is how the height of the CoM grows with each joint."""
+    tree, q = tree_and_poses(make, seed)
+    loads = static_regressor(tree, q, UP, 10.0) @ tree.bodies.moments.ravel()
+    energy_slope = 10.0 * tree.total_mass * np.einsum("i,nij->nj", UP, com_jacobian(tree, q))
+    np.testing.assert_allclose(loads[:, TORQUES], energy_slope, atol=1e-9)
+
+
+@given(seeds)
+def test_jacobian_is_the_slope_of_the_com(make, seed: int) -> None:
+    tree, q = tree_and_poses(make, seed, 2)
+    J = com_jacobian(tree, q)
+    for i, step in enumerate(np.eye(q.shape[1]) * 1e-6):
+        slope = (total_com(tree, q + step) - total_com(tree, q - step)) / 2e-6
+        np.testing.assert_allclose(J[:, :, i], slope, atol=1e-8)
+
+
+@given(seeds)
+def test_com_is_that_of_the_placed_links(make, seed: int) -> None:
+    tree, q = tree_and_poses(make, seed)
+    np.testing.assert_allclose(total_com(tree, q), place_links(tree, q).total_com(), atol=1e-12)
+
+
+@given(seeds)
+def test_torques_do_not_depend_on_where_the_standing_wrench_is_written(make, seed: int) -> None:
+    """Standing on the root changes nothing but the name of the wrench."""
+    tree, q = tree_and_poses(make, seed)
+    rows = static_regressor(tree, q, UP)
+    np.testing.assert_allclose(standing_rows(tree, q, rows, tree.links[0].name), rows, atol=1e-9)
+
+
+def test_many_poses_give_what_each_of_them_gives_alone(make) -> None:
+    """Poses are worked on in blocks, and their rows in smaller ones; neither may show."""
+    tree, q = tree_and_poses(make, 5, 2500)
+    rng = np.random.default_rng(0)
+    up = rng.normal(size=(len(q), 3))
+    up /= np.linalg.norm(up, axis=1)[:, None]
+    some = [0, 255, 256, 511, 512, 1023, 1024, 2047, 2048, 2499]
+    com, J, rows = total_com(tree, q), com_jacobian(tree, q), static_regressor(tree, q, up)
+    placed = place_links(tree, q)
+    for i in some:
+        one = q[i : i + 1]
+        np.testing.assert_allclose(total_com(tree, one)[0], com[i], atol=1e-13)
+        np.testing.assert_allclose(com_jacobian(tree, one)[0], J[i], atol=1e-13)
+        np.testing.assert_allclose(static_regressor(tree, one, up[i])[0], rows[i], atol=1e-12)
+        np.testing.assert_allclose(place_links(tree, one).p[0], placed.p[i], atol=1e-13)
+        np.testing.assert_allclose(place_links(tree, one).R[0], placed.R[i], atol=1e-13)
+
+
+@given(seeds)
+def test_a_used_buffer_leaves_no_trace(make, seed: int) -> None:
+    tree, q = tree_and_poses(make, seed)
+    fresh = static_regressor(tree, q, UP)
+    buffer = np.full(fresh.shape, np.nan)
+    assert static_regressor(tree, q, UP, out=buffer) is buffer
+    np.testing.assert_array_equal(buffer, fresh)
+
+
+@pytest.mark.parametrize("n", [0, 1])
+def test_no_pose_and_one_pose_are_poses_too(make, n: int) -> None:
+    tree, q = tree_and_poses(make, 5, n)
+    joints = len(tree.joint_names)
+    assert total_com(tree, q).shape == (n, 3)
+    assert com_jacobian(tree, q).shape == (n, 3, joints)
+    rows = static_regressor(tree, q, UP)
+    assert rows.shape == (n, 6 + joints, 4 * len(tree.bodies))
+
+
+def test_every_angle_is_as_exact_as_sine_and_cosine(make) -> None:
+    tree = next(t for s in range(99) if (t := make(np.random.default_rng(s))).joint_names)
+    turning = np.flatnonzero(~tree.bodies.slides & ~tree.bodies.follows)
+    angles = np.array([0.0, 1e-9, np.pi / 2, np.pi, -np.pi, 3.0, 2 * np.pi, 1e3, -3 * np.pi])
+    q = np.zeros((len(angles), len(tree.joint_names)))
+    q[:, tree.bodies.columns[turning]] = angles[:, None]
+    sine, versine = tree.bodies.positions(q)[turning].swapaxes(0, 1)
+    np.testing.assert_allclose(sine - np.sin(angles), 0.0, atol=1e-15)
+    np.testing.assert_allclose(versine - (1.0 - np.cos(angles)), 0.0, atol=1e-15)
+
+
+def test_what_cannot_be_computed_is_refused(make) -> None:
+    tree, q = tree_and_poses(make, 5)
+    bare = replace(tree, geometry_known=False)
+    for function in (total_com, com_jacobian):
+        with pytest.raises(ConfigError, match="not known"):
+            function(bare, q)
+    with pytest.raises(ConfigError, match="not known"):
+        static_regressor(bare, q, UP)
+    massless = replace(tree, links=tuple(replace(link, mass=0.0) for link in tree.links))
+    with pytest.raises(ConfigError, match="no mass"):
+        total_com(massless, q)
+    unknown = replace(tree, links=(replace(tree.links[0], mass=np.nan), *tree.links[1:]))
+    with pytest.raises(ConfigError, match="not known"):
+        com_jacobian(unknown, q)
+
+
+@pytest.mark.parametrize(
+    ("up", "words"),
+    [
+        ([0.0, 0.0, 9.81], "unit vector"),
+        ([0.0, 0.0, np.nan], "unit vector"),
+        (np.ones((2, 3)), "shape"),
+        (0.0, "shape"),
+    ],
 )
-from comcal.statics.support import Carrier, carrier_of, hanging_carrier
-from comcal.statics.torque_rows import motor_torque_factors, readable_joints
-from comcal_sims.builtin_world import static_state
-
-N = 4
-STEP = 1e-6
+def test_a_direction_that_is_none_is_refused(make, up: object, words: str) -> None:
+    tree, q = tree_and_poses(make, 5)
+    with pytest.raises(DataError, match=words):
+        static_regressor(tree, q, up)
 
 
-def instrumented(odd, rng) -> Robot:
-    """An awkward biped with sensors at a hip, a knee and an arm besides those of the feet."""
-    robot = odd.odd_biped(rng)
-    more = {name: Sensor(name, name) for name in ("l_hip", "r_knee", "arm")}
-    return replace(robot, sensors={**robot.sensors, **more}, imu_link="forearm")
-
-
-def all_rows(robot: Robot, carrier: Carrier) -> RowLayout:
-    joints = tuple(int(j) for j in np.flatnonzero(readable_joints(robot, carrier)))
-    return RowLayout(carrier, cuts_of(robot, carrier), joints, len(robot.tree.joint_names))
-
-
-def random_inputs(layout: RowLayout, rng):
-    """Inputs of N poses, away from equilibrium: nothing cancels."""
-    inputs = rng.normal(0, 30, (N, layout.n_inputs))
-    inputs[:, layout.q_columns] = rng.normal(0, 0.4, (N, layout.n_joints))
-    if not layout.hangs:
-        inputs[:, 2 : layout.q_columns.start : 6] += 200.0
-    return inputs
-
-
-def random_model(robot: Robot, rng) -> Model:
-    n = len(robot.tree.links)
-    return Model(float(rng.uniform(20, 40)), rng.normal(0, 1, (n, 3)), rng.uniform(0.5, 4, n))
-
-
-def evaluate(robot: Robot, layout: RowLayout, inputs, model: Model):
-    n_loaded = layout.q_columns.start
-    balance = balance_at(
-        robot,
-        layout.carrier,
-        inputs[:, layout.q_columns],
-        inputs[:, :n_loaded].reshape(N, -1, 6),
-        inputs[:, layout.up_columns] if layout.hangs else None,
-        robot.tree.link_index["forearm"],
-    )
-    wrenches = inputs[:, layout.cut_columns].reshape(N, -1, 6)
-    left = row_residual(layout, balance, wrenches, inputs[:, layout.torque_columns], model)
-    return left, balance, wrenches
-
-
-SUPPORTS = ("left", "right", "double", "none")
-
-
-def carrier(robot: Robot, support: str) -> Carrier:
-    return hanging_carrier(robot) if support == "none" else carrier_of(robot, support)
-
-
-@pytest.mark.parametrize("support", SUPPORTS)
-def test_jacobian_of_all_rows_equals_finite_differences(support, odd):
-    rng = np.random.default_rng(3)
-    robot = instrumented(odd, rng)
-    layout = all_rows(robot, carrier(robot, support))
-    inputs, model = random_inputs(layout, rng), random_model(robot, rng)
-    _, balance, wrenches = evaluate(robot, layout, inputs, model)
-    B = row_jacobian(layout, balance, wrenches, model)
-    assert B.shape == (N, layout.n_rows, layout.n_inputs)
-    assert len(layout.cuts) >= 3
-    assert len(layout.torques) >= 6
-    for i, step in enumerate(STEP * np.eye(layout.n_inputs)):
-        slope = (
-            evaluate(robot, layout, inputs + step, model)[0]
-            - evaluate(robot, layout, inputs - step, model)[0]
-        ) / (2 * STEP)
-        np.testing.assert_allclose(B[:, :, i], slope, atol=2e-6 * np.abs(B).max())
-
-
-@pytest.mark.parametrize("support", SUPPORTS)
-def test_rows_are_linear_in_masses_and_first_moments(support, odd):
-    rng = np.random.default_rng(4)
-    robot = instrumented(odd, rng)
-    layout = all_rows(robot, carrier(robot, support))
-    inputs, model = random_inputs(layout, rng), random_model(robot, rng)
-    carried = layout.carrier.carried
-    model = replace(model, mass=float(model.masses[carried].sum()))
-    left, balance, _ = evaluate(robot, layout, inputs, model)
-    nothing = Model(0.0, np.zeros_like(model.h), np.zeros_like(model.masses))
-    empty = evaluate(robot, layout, inputs, nothing)[0]
-    by_mass, by_moment = row_regressor(layout, balance, balance.direction)
-    linear = by_mass @ model.masses + np.einsum("nrki,ki->nr", by_moment, model.h)
-    np.testing.assert_allclose(left, empty + linear, atol=1e-11 * np.abs(left).max())
-
-
-def watched(robot: Robot) -> Robot:
-    """The 64 kg biped with sensors at the left hip, the right knee and a shoulder as well."""
-    more = {name: Sensor(name, name) for name in ("l_hip_pitch", "r_knee", "l_shoulder")}
-    return replace(robot, sensors={**robot.sensors, **more})
-
-
-@pytest.mark.parametrize("root", ["torso", "l_foot", "r_shin"])
-def test_every_row_vanishes_on_the_true_robot_however_it_is_rooted(root, biped14, odd):
-    """The oracle is the built-in world: it adds up loads link by link, in the world's axes."""
-    robot = watched(biped14.robot)
-    rooted = odd.rooted_at(robot, root)
-    names = robot.tree.joint_names
-    order = [names.index(name) for name in rooted.tree.joint_names]
-    seen = set()
-    for pose in biped14.plan[::7]:
-        pose = replace(pose, q=pose.q[order])
-        state = static_state(rooted, pose)
-        support = carrier_of(rooted, pose.support)
-        layout = all_rows(rooted, support)
-        seen |= {cut.sensor for cut in layout.cuts}
-        w = np.array([[state.wrenches[s] for s in support.sensors]])
-        balance = balance_at(rooted, support, np.array([pose.q]), w)
-        wrenches = np.array([[state.wrenches[cut.sensor] for cut in layout.cuts]])
-        torques = np.array([state.torques])[:, list(layout.torques)]
-        tree = rooted.tree
-        carried = float(tree.masses[support.carried].sum())
-        model = Model(carried, tree.masses[:, None] * tree.coms, tree.masses)
-        left = row_residual(layout, balance, wrenches.reshape(1, -1, 6), torques, model)
-        np.testing.assert_allclose(left, 0.0, atol=2e-9)
-        assert len(layout.torques) >= 12
-    assert len(seen) >= 4
-
-
-def test_a_joint_between_the_standing_foot_and_its_sensor_is_not_readable(biped14):
-    robot = biped14.robot
-    at_hip = replace(robot, sensors={**robot.sensors, "l_foot": Sensor("l_foot", "l_hip_pitch")})
-    left = dict(
-        zip(
-            at_hip.tree.joint_names,
-            readable_joints(at_hip, carrier_of(at_hip, "left")),
-            strict=True,
-        )
-    )
-    assert not left["l_knee"]
-    assert left["r_knee"]
-    assert left["l_hip_pitch"]  # the sensor reads the very torque of this joint
-
-
-def test_a_crane_may_hold_the_trunk_so_only_unbranched_limbs_are_read(odd):
-    robot = odd.odd_biped(np.random.default_rng(0))
-    assert readable_joints(robot, hanging_carrier(robot)).all()
-    rooted = odd.rooted_at(robot, "l_thigh")  # now the hip carries the trunk with all other limbs
-    names = rooted.tree.joint_names
-    held = dict(zip(names, readable_joints(rooted, hanging_carrier(rooted)), strict=True))
-    assert not held["l_hip"]
-    assert held["l_knee"]
-    assert held["r_knee"]
-    fixed = replace(rooted, base=Base.FIXED)
-    assert readable_joints(fixed, hanging_carrier(fixed)).all()
-
-
-def test_motor_torque_is_current_times_constant_gear_and_sign(biped14):
-    factors = motor_torque_factors(biped14.robot)
-    for factor, name in zip(factors, biped14.robot.tree.joint_names, strict=True):
-        motor = biped14.robot.motors[name]
-        assert factor == motor.torque_constant * motor.gear * motor.sign
+def test_a_buffer_that_does_not_fit_is_refused(make) -> None:
+    tree, q = tree_and_poses(make, 5)
+    shape = static_regressor(tree, q, UP).shape
+    for buffer in (
+        np.empty((1, *shape[1:])),
+        np.empty(shape, dtype=np.float32),
+        np.empty(shape, order="F"),
+    ):
+        with pytest.raises(DataError, match="does not fit"):
+            static_regressor(tree, q, UP, out=buffer)

@@ -9,6 +9,7 @@ import numpy as np
 
 from comcal.identify.adjust import Adjustment
 from comcal.identify.cad_inputs import cad_inputs
+from comcal.identify.merged import CLEAR, Merged, merged_directions
 from comcal.identify.remedies import Remedies
 from comcal.identify.unknowns import Unknowns
 from comcal.robot.tree import Array
@@ -17,6 +18,10 @@ SMALL_SHARE = 0.1
 """In scaled unknowns, parts of a direction below this share of its largest may be noise ..."""
 SMALL_COEFFICIENT = 0.02
 """... and are, when their plain coefficient against that of the largest part is below this."""
+
+
+NEVER_SEEN = 0.02
+"""Part of a direction among the seen ones, as noise turns them, that may be no more than noise."""
 
 
 @dataclass(frozen=True)
@@ -85,14 +90,20 @@ def combinations_of(adjustment: Adjustment) -> tuple[Combination, ...]:
 
 
 def unseen_directions(adjustment: Adjustment) -> tuple[Unseen, ...]:
-    """Return every direction the poses do not determine, with the pose that would show it."""
+    """Return every direction the poses do not determine, with the pose that would show it.
+
+    First those that no pose whatever shows, because statics merges them at a joint.
+    """
     unknowns = adjustment.unknowns
     if not adjustment.unseen.size:
         return ()
     order = list(range(unknowns.size))[::-1]
+    merged, rest = _merged_and_rest(adjustment)
+    found = [_merged_in_words(unknowns, m) for m in merged]
+    if not rest.size:
+        return tuple(found)
     remedies = Remedies.around(adjustment)
-    found: list[Unseen] = []
-    for row in _eliminate(adjustment.unseen.T, order):
+    for row in _eliminate(rest.T, order):
         large = np.abs(row) >= SMALL_SHARE * np.max(np.abs(row))
         parts = [unknowns.names[i] for i in np.flatnonzero(large)]
         if len(parts) == 1:
@@ -102,6 +113,33 @@ def unseen_directions(adjustment: Adjustment) -> tuple[Unseen, ...]:
         remedy = remedies.of_direction(row * unknowns.scale, large)
         found.append(Unseen(words, remedy, tuple(parts)))
     return tuple(found)
+
+
+def _merged_and_rest(adjustment: Adjustment) -> tuple[list[Merged], Array]:
+    """Split what is unseen into what statics never shows and the rest, scaled, (size, k)."""
+    unseen, scale = adjustment.unseen, adjustment.unknowns.scale
+    never: list[Merged] = []
+    basis = np.zeros((len(scale), 0))
+    for merged in merged_directions(adjustment.unknowns):
+        unit = merged.direction / scale
+        unit /= np.linalg.norm(unit)
+        new = unit - basis @ (basis.T @ unit)
+        if np.linalg.norm(adjustment.seen.T @ unit) < NEVER_SEEN and np.linalg.norm(new) > CLEAR:
+            never.append(merged)
+            basis = np.column_stack([basis, new / np.linalg.norm(new)])
+    inside = unseen.T @ basis
+    if basis.shape[1] == unseen.shape[1]:
+        return never, unseen[:, :0]
+    left = np.linalg.svd(inside, full_matrices=True)[0][:, basis.shape[1] :]
+    return never, unseen @ left
+
+
+def _merged_in_words(unknowns: Unknowns, merged: Merged) -> Unseen:
+    size = np.abs(merged.direction / unknowns.scale)
+    parts = tuple(unknowns.names[i] for i in np.flatnonzero(size > CLEAR * size.max()))
+    words = f"{' against '.join(parts)}: they change together unnoticed"
+    remedy = f"no pose shows it: {merged.why}; fill it from CAD if it is needed"
+    return Unseen(words, remedy, parts)
 
 
 def _eliminate(rows: Array, order: range | list[int]) -> Array:

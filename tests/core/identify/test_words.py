@@ -10,6 +10,7 @@ import pytest
 from comcal.identify.adjust import adjust
 from comcal.identify.groups import groups_of
 from comcal.identify.held_out import held_out_error
+from comcal.identify.merged import merged_directions
 from comcal.identify.unknowns import unknowns_of
 from comcal.identify.words import combinations_of, unseen_directions
 from comcal.measure.plan import PlannedPose
@@ -106,21 +107,40 @@ def remedied(robot, plan, remedy, rng):
 def test_every_remedy_shows_something_new(seed, odd):
     rng = np.random.default_rng(seed)
     robot = odd.odd_biped(rng)
-    plan = poses(robot, rng, 3)
-    found = fit(robot, odd.ideal_table(robot, plan))
     kinds = set()
-    for unseen in unseen_directions(found):
-        pose = remedied(robot, plan, unseen.remedy, rng)
-        if pose is None:
-            assert "no pose shows it" in unseen.remedy
-            continue
-        kinds.add(unseen.remedy.split()[2])
-        more = fit(robot, odd.ideal_table(robot, [*plan, pose]))
-        assert more.rank > found.rank, unseen
-        columns = [found.unknowns.names.index(p) for p in unseen.parts]
-        basis = np.eye(found.unknowns.size)[columns]
-        assert more.visibility(basis).sum() < found.visibility(basis).sum()
+    for plan in (poses(robot, rng, 3), poses(robot, rng, 60)):
+        found = fit(robot, odd.ideal_table(robot, plan))
+        for unseen in unseen_directions(found):
+            pose = remedied(robot, plan, unseen.remedy, rng)
+            if pose is None:
+                assert "no pose shows it" in unseen.remedy
+                continue
+            kinds.add(unseen.remedy.split()[2])
+            more = fit(robot, odd.ideal_table(robot, [*plan, pose]))
+            assert more.rank > found.rank, unseen
+            columns = [found.unknowns.names.index(p) for p in unseen.parts]
+            basis = np.eye(found.unknowns.size)[columns]
+            assert more.visibility(basis).sum() < found.visibility(basis).sum()
     assert len(kinds) >= 2
+
+
+@pytest.mark.parametrize("free_masses", [False, True])
+def test_directions_that_statics_merges_are_all_that_rich_poses_leave_unseen(free_masses, odd):
+    rng = np.random.default_rng(8)
+    robot = odd.odd_biped(rng)
+    plan = [
+        replace(p, floor_roll=float(rng.normal(0, 0.1)), floor_pitch=float(rng.normal(0, 0.1)))
+        for s in ("double", "left", "right")
+        for p in poses(robot, rng, 25, s)
+    ]
+    plan = [replace(p, pose=i) for i, p in enumerate(plan)]
+    unknowns = unknowns_of(robot, free_masses=free_masses)
+    found = adjust(robot, unknowns, groups_of(robot, odd.ideal_table(robot, plan)))
+    merged = merged_directions(unknowns)
+    directions = np.array([m.direction / unknowns.scale for m in merged])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    assert np.linalg.matrix_rank(directions) == len(merged) == found.unseen.shape[1]
+    assert np.abs(directions @ found.seen).max() < 1e-6
 
 
 def test_what_no_pose_shows_stays_unseen_in_a_hundred_poses(odd):

@@ -9,8 +9,12 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from comcal.robot.frames import apply, rotation_about
-from comcal.robot.tree import Array, JointType, Tree
+from comcal.robot.bodies import place_bodies
+from comcal.robot.frames import apply
+from comcal.robot.tree import Array, Tree
+
+_BLOCK = 256
+"""Poses placed together before they are written pose by pose; both stay in the cache."""
 
 
 @dataclass(frozen=True)
@@ -74,23 +78,14 @@ def place_links(tree: Tree, q: npt.ArrayLike) -> Placements:
         In the frame of the root link; where the root is in the world is not determined here.
     """
     q = np.atleast_2d(np.asarray(q, dtype=np.float64))
-    column = {name: i for i, name in enumerate(tree.joint_names)}
-    n_poses, n_links = q.shape[0], len(tree.links)
-    R = np.empty((n_poses, n_links, 3, 3))
-    p = np.empty((n_poses, n_links, 3))
-    R[:, 0], p[:, 0] = np.eye(3), 0.0
-    for k, joint in enumerate(tree.joints, start=1):
-        parent = tree.parents[k]
-        R_joint = R[:, parent] @ joint.T_parent_joint[:3, :3]
-        p_joint = p[:, parent] + apply(R[:, parent], joint.T_parent_joint[:3, 3])
-        if joint.is_movable:
-            if joint.mimic is None:
-                qj = q[:, column[joint.name]]
-            else:
-                qj = joint.mimic.multiplier * q[:, column[joint.mimic.joint]] + joint.mimic.offset
-            if joint.kind is JointType.PRISMATIC:
-                p_joint = p_joint + apply(R_joint, joint.axis) * qj[:, None]
-            else:
-                R_joint = R_joint @ rotation_about(joint.axis, qj)
-        R[:, k], p[:, k] = R_joint, p_joint
+    bodies = tree.bodies
+    shape = (len(q), len(tree.links))
+    R, p = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
+    for start in range(0, len(q), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        placed = place_bodies(bodies, q[block])
+        flat = placed.reshape(len(bodies), 4, -1)[bodies.of_link]
+        links = (bodies.fixed_steps @ flat).reshape(shape[1], *placed.shape[1:])
+        R[block] = links[:, 1:].transpose(3, 0, 2, 1)
+        p[block] = links[:, 0].transpose(2, 0, 1)
     return Placements(tree, R, p)

@@ -9,9 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from comcal.robot.bodies import Bodies
 
 Array = npt.NDArray[np.float64]
 
@@ -188,6 +192,13 @@ class Tree:
         for k in range(n - 1, 0, -1):
             mask[self.parents[k]] |= mask[k]
         return mask
+
+    @cached_property
+    def bodies(self) -> Bodies:
+        """What moves as one: links joined by fixed joints (:mod:`comcal.robot.bodies`)."""
+        from comcal.robot.bodies import bodies_of  # it needs this module first
+
+        return bodies_of(self)
 
     def subtree(self, joint: str) -> npt.NDArray[np.bool_]:
         """Return which links lie beyond *joint* (child side), shape (n_links,)."""

@@ -191,7 +191,7 @@ def _seen_directions(
     structure = np.zeros_like(scales)
     for a, group in zip(linear, groups, strict=True):
         A = steady_regressor(a, unknowns, group)
-        structure += scales * np.einsum("nji,njk,nkl->il", A, a.W, A, optimize=True)
+        structure += scales * over_poses([a.W @ A], [A])
     value, vector = np.linalg.eigh(structure)
     is_seen = value > RELATIVE_RANK**2 * value[-1]
     weak = np.flatnonzero(is_seen & (value < _surely_seen(groups) * value[-1]))

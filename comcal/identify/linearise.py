@@ -27,7 +27,7 @@ SAME_FLOOR = 4.0
 """Force directions closer than this many standard deviations may belong to one floor."""
 ROUNDING = 1e-12
 """The same for exact data."""
-FEIGNED_POSES = 50
+FEIGNED_POSES = 30
 """Number of poses from which on not each of them is asked what its errors feign."""
 EXACT = 1e-12
 """Smallest eigenvalue of the rows' correlation matrix that can be inverted: what rounding makes."""
@@ -205,8 +205,9 @@ def steady_directions(balance: Balance, cov: Array) -> Array:
     in_P = np.einsum("nji,nj->ni", R_root_P, balance.direction)
     force = np.einsum("nsij,nsjk->nik", balance.X[:, :, :3, :], _sensor_roots(balance, cov))
     sigma = np.linalg.norm(force, axis=(1, 2)) / np.linalg.norm(balance.F, axis=1)
-    apart = np.linalg.norm(in_P[:, None] - in_P[None], axis=-1)
-    same = apart <= SAME_FLOOR * np.hypot(sigma[:, None], sigma[None]) + ROUNDING
+    apart = sum(np.subtract.outer(component, component) ** 2 for component in in_P.T)
+    limit = SAME_FLOOR**2 * np.add.outer(sigma**2, sigma**2) + ROUNDING**2
+    same = np.asarray(apart <= limit)
     mean = same.astype(np.float64) @ in_P
     mean /= np.linalg.norm(mean, axis=1, keepdims=True)
     return apply(R_root_P, mean)

@@ -50,6 +50,8 @@ class RowErrors:
         """
         C = self.C
         alone = [a.W @ r for a, r in zip(self.linear, rows, strict=True)]
+        if not C[0].shape[2]:
+            return tuple(alone)
         W_C = [a.W @ c for a, c in zip(self.linear, C, strict=True)]
         D = np.eye(C[0].shape[2]) + over_poses(C, W_C)
         shared = np.linalg.solve(D, over_poses(C, alone))
@@ -112,6 +114,9 @@ def over_poses(left: Sequence[Array], right: Sequence[Array]) -> Array:
     left, right : sequence of array, one per group
         Each (N, n_rows, n_left) and (N, n_rows, n_right).
     """
-    return np.sum(
-        [np.einsum("nik,nij->kj", a, b) for a, b in zip(left, right, strict=True)], axis=0
-    )
+
+    def rows(a: Array) -> Array:
+        return a.reshape(a.shape[0] * a.shape[1], a.shape[2])
+
+    products = [rows(a).T @ rows(b) for a, b in zip(left, right, strict=True)]
+    return np.asarray(np.sum(products, axis=0), np.float64)

@@ -233,16 +233,16 @@ def input_jacobian(balance: Balance, h: Array, masses: Array | None = None) -> t
     B_FM[:, 0, :3] = f
     B_FM[:, 1:, :3] = -g * skew(S) @ across
     B_FM[:, 1:, 3:] = np.eye(3)
-    B_w = np.einsum("nij,nsjk->nisk", B_FM, balance.X)
+    B_w = np.swapaxes(B_FM[:, None] @ balance.X, 1, 2)
 
     motion = joint_motion(tree)
     beyond = tree.descendants[motion.joint + 1].astype(np.float64)
     axis, origin = at.axes()[:, motion.joint], at.p[:, motion.joint + 1]
     m_beyond = beyond @ ((tree.masses if masses is None else masses) * balance.carrier.carried)
-    S_beyond = np.einsum("jk,nki->nji", beyond, s)
+    S_beyond = beyond @ s
     on_link = [s for s, k in enumerate(balance.carrier.frames) if k is not None]
     links = [k for k in balance.carrier.frames if k is not None]
-    W_beyond = np.einsum("js,nsi->nji", beyond[:, links], balance.wrench_each[:, on_link])
+    W_beyond = beyond[:, links] @ balance.wrench_each[:, on_link]
     F_beyond, M_beyond = W_beyond[..., :3], W_beyond[..., 3:]
 
     slides = motion.prismatic[:, None]
@@ -252,7 +252,7 @@ def input_jacobian(balance: Balance, h: Array, masses: Array | None = None) -> t
     dS_turn = cross(axis, S_beyond - m_beyond[:, None] * origin)
     dS = np.where(slides, m_beyond[:, None] * axis, dS_turn)
 
-    per_joint = np.einsum("nij,nkj->nik", B_FM[:, :, :3], dF)
+    per_joint = B_FM[:, :, :3] @ np.swapaxes(dF, 1, 2)
     per_joint[:, 1:] += np.swapaxes(dM - g * cross(dS, f[:, None]), 1, 2)
     B_q = per_joint @ motion.drive
     if len(on_link) < len(balance.carrier.frames):

@@ -161,7 +161,7 @@ def cut_jacobian(
         frame = balance.carrier.frames[k]
         here = here - moves.beyond[:, frame][:, None] * balance.wrench_each[:, k][:, None]
     per_joint = moves.of_wrenches(here)
-    moved = moves.of_moments(moves.beyond @ m, np.einsum("jk,nki->nji", moves.beyond, s))
+    moved = moves.of_moments(moves.beyond @ m, moves.beyond @ s)
     per_joint[..., 3:] += g * cross(moved, f[:, None])
     by_joint = np.swapaxes(per_joint, 1, 2) @ moves.motion.drive + by_f @ up.by_joint
     return by_wrench, X, by_joint, by_f @ up.by_up

@@ -106,7 +106,7 @@ def up_slopes(balance: Balance, moves: Moves) -> UpSlopes:
         return UpSlopes(nothing, by_joint @ moves.motion.drive, across @ R)
     size = np.linalg.norm(balance.F, axis=1)[:, None, None]
     across = (np.eye(3) - f[:, :, None] * f[:, None, :]) / size
-    by_wrench = np.einsum("nij,nsjk->nisk", across, balance.X[:, :, :3, :])
+    by_wrench = np.swapaxes(across[:, None] @ balance.X[:, :, :3, :], 1, 2)
     dF = moves.of_wrenches(loads_beyond(balance, moves))[..., :3]
     by_joint = np.swapaxes(dF, 1, 2) @ moves.motion.drive
     if None in carrier.frames:
@@ -118,4 +118,4 @@ def loads_beyond(balance: Balance, moves: Moves) -> Array:
     """Return the loaded wrenches of sensors on links beyond each joint, summed, (N, M, 6)."""
     on_link = [s for s, k in enumerate(balance.carrier.frames) if k is not None]
     links = [k for k in balance.carrier.frames if k is not None]
-    return np.einsum("js,nsi->nji", moves.beyond[:, links], balance.wrench_each[:, on_link])
+    return moves.beyond[:, links] @ balance.wrench_each[:, on_link]

@@ -75,7 +75,7 @@ def _arms(balance: Balance, moves: Moves, h: Array, masses: Array | None) -> _Ar
     tree, g = balance.robot.tree, balance.robot.gravity
     m = (tree.masses if masses is None else masses) * balance.carrier.carried
     mass = moves.beyond @ m
-    S = np.einsum("jk,nki->nji", moves.beyond, first_moments(balance, h, masses))
+    S = moves.beyond @ first_moments(balance, h, masses)
     arm = S - mass[:, None] * moves.origin
     lever = g * np.where(moves.slides, mass[:, None] * moves.axis, cross(moves.axis, arm))
     return _Arms(mass, S, lever, loads_beyond(balance, moves))
@@ -131,7 +131,7 @@ def torque_regressor(balance: Balance, moves: Moves, direction: Array) -> tuple[
     by_mass = np.where(
         moves.slides[:, 0, None],
         along[..., None],
-        np.einsum("nji,nki->njk", across, at.p) - np.sum(across * moves.origin, axis=-1)[..., None],
+        across @ np.swapaxes(at.p, 1, 2) - np.sum(across * moves.origin, axis=-1)[..., None],
     )
     by_moment = np.einsum("nji,nkil->njkl", across, at.R, optimize=True)
     drive = moves.motion.drive

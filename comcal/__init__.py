@@ -8,6 +8,7 @@ The names below are the public interface. Each is imported when it is first used
     coefficients = comcal.balance_coefficients(robot, table)   # alpha .. delta, pose by pose
     links = comcal.link_coms(robot, table)                     # the paper's route: twins, Cramer
     solution = comcal.identify_links(robot, table)             # all data at once
+    program = comcal.derive(comcal.DeriveOrder(comcal.DeriveWhat.LINK_COM, dof=3))   # formulas
 """
 
 from __future__ import annotations
@@ -28,25 +29,45 @@ if TYPE_CHECKING:
     from comcal.robot.model import Robot
     from comcal.statics.coefficients import BalanceCoefficients, balance_coefficients
     from comcal.statics.two_pose import total_com
+    from comcal.symbolic.check_claim import FormulaReport
+    from comcal.symbolic.program import Program
+    from comcal.symbolic.to_c import to_c
+    from comcal.symbolic.to_latex import to_latex
+    from comcal.symbolic.to_python import python_function, to_python
+    from comcal.symbolic.to_text import to_text
     from comcal.workflow.calibrate import load_session
     from comcal.workflow.check import check_robot
+    from comcal.workflow.check_formula import check_formula
+    from comcal.workflow.derive import DeriveOrder, derive
+    from comcal.workflow.derive import What as DeriveWhat
 
 __all__ = [
     "BalanceCoefficients",
     "Calibration",
     "ComcalError",
+    "DeriveOrder",
+    "DeriveWhat",
+    "FormulaReport",
     "PaperRoute",
     "PoseTable",
+    "Program",
     "Robot",
     "Solution",
     "balance_coefficients",
     "calibrate",
+    "check_formula",
     "check_robot",
+    "derive",
     "identify_links",
     "link_coms",
     "load_robot",
     "load_session",
+    "python_function",
     "read_poses",
+    "to_c",
+    "to_latex",
+    "to_python",
+    "to_text",
     "total_com",
 ]
 
@@ -54,18 +75,29 @@ _WHERE = {
     "BalanceCoefficients": "comcal.statics.coefficients:BalanceCoefficients",
     "Calibration": "comcal.identify.calibration:Calibration",
     "ComcalError": "comcal.errors:ComcalError",
+    "DeriveOrder": "comcal.workflow.derive:DeriveOrder",
+    "DeriveWhat": "comcal.workflow.derive:What",
+    "FormulaReport": "comcal.symbolic.check_claim:FormulaReport",
     "PaperRoute": "comcal.identify.paper_route:PaperRoute",
     "PoseTable": "comcal.measure.table:PoseTable",
+    "Program": "comcal.symbolic.program:Program",
     "Robot": "comcal.robot.model:Robot",
     "Solution": "comcal.identify.solution:Solution",
     "balance_coefficients": "comcal.statics.coefficients:balance_coefficients",
     "calibrate": "comcal.identify.calibration:calibrate",
+    "check_formula": "comcal.workflow.check_formula:check_formula",
     "check_robot": "comcal.workflow.check:check_robot",
+    "derive": "comcal.workflow.derive:derive",
     "identify_links": "comcal.identify.solution:solve_all",
     "link_coms": "comcal.identify.paper_route:paper_route",
     "load_robot": "comcal.robot.description:load_robot",
     "load_session": "comcal.workflow.calibrate:load_session",
+    "python_function": "comcal.symbolic.to_python:python_function",
     "read_poses": "comcal.measure.poses_csv:read_poses",
+    "to_c": "comcal.symbolic.to_c:to_c",
+    "to_latex": "comcal.symbolic.to_latex:to_latex",
+    "to_python": "comcal.symbolic.to_python:to_python",
+    "to_text": "comcal.symbolic.to_text:to_text",
     "total_com": "comcal.statics.two_pose:total_com",
 }
 """Public name to ``module:attribute``."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 EXIT_LIMIT = 5
 FORMATS = ("text", "python", "c", "latex")
-QUANTITIES = ("link-com", "total-com", "coefficients", "sigma")
+QUANTITIES = ("link-com", "total-com", "coefficients", "sigma", "rows")
 
 
 @click.command("derive")
@@ -46,7 +46,8 @@ QUANTITIES = ("link-com", "total-com", "coefficients", "sigma")
     type=click.Choice(QUANTITIES),
     default="link-com",
     show_default=True,
-    help="CoM of each link, total CoM of two poses, alpha .. delta, or uncertainty of link CoMs.",
+    help="CoM of each link, total CoM of two poses, alpha .. delta, uncertainty of link CoMs, or "
+    "the equations of one pose for your own least squares.",
 )
 @click.option(
     "--format",
@@ -86,16 +87,19 @@ def derive_command(
 
     Link CoMs come by Cramer's rule from the total CoM of n shapes, as short steps instead of one
     huge formula: the text shows them, Python and C compute them. Bending one joint at a time gives
-    a closed form for any number of links; free configurations are for up to 12. Joints that do
-    not all turn about one axis give what static data can see of the chain, and what they cannot.
+    a closed form for any number of links; free configurations are for up to 12. Where joints do
+    not all turn about one axis, or slide, the first moments that static data can see come in place
+    of link CoMs, by the same two routes (free: up to 4 joints); what they cannot see is named.
 
     FILE holds `format: comcal-configurations/1` and `configurations:`, one per line, the absolute
-    pitch of every segment from the ankle up: `c: [0, theta_c]` or `c: [0, 30 deg]`.
+    pitch of every segment from the ankle up, or for a spatial chain the position of every joint
+    from the base: `c: [0, theta_c]` or `c: [0, 30 deg]`.
 
     \b
     Examples:
       comcal derive --dof 3
       comcal derive --dof 6 --configurations free --format c -o link_coms.c
+      comcal derive --robot robot.yaml --base l_thigh --tip pelvis --format c
       comcal derive --check equation.yaml
     """
     given = [x for x in (dof, robot, session, check) if x is not None]
@@ -108,7 +112,7 @@ def derive_command(
     if session is not None:
         _feed(session, language, output, as_json)
         return 0
-    if not given and what in {"link-com", "sigma"}:
+    if not given and what in {"link-com", "sigma", "rows"}:
         raise click.UsageError("give --dof N or --robot ROBOT.yaml")
     # Imported late: sympy takes half a second.
     from comcal.workflow.derive import PRINTERS, DeriveOrder, What, derive, write_new

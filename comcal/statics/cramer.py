@@ -22,7 +22,7 @@ from comcal.robot.tree import Array
 from comcal.statics.planar import (
     ComplexArray,
     PlanarChain,
-    known_moment,
+    right_hand_side,
     segment_com,
     segment_turns,
 )
@@ -130,7 +130,7 @@ def solve_choices(
         choice; zero where none is left to check.
     """
     E = np.exp(1j * segment_turns(chain, at))
-    K = first_moment - known_moment(chain, at)
+    K = right_hand_side(chain, at, first_moment)
     w: list[ComplexArray] = []
     misfit: list[ComplexArray] = []
     for choice in choices:

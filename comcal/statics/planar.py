@@ -170,15 +170,52 @@ def segment_turns(chain: PlanarChain, at: Placements) -> Array:
     return np.stack(turns, axis=-1)
 
 
-def known_moment(chain: PlanarChain, at: Placements) -> ComplexArray:
-    """Return what CAD contributes to the first moment, z + j x in P, (..., n_conf) [kg m].
+def moment_of_coms(
+    first_moment: ComplexArray, foot: ComplexArray, masses: Array, origins: ComplexArray
+) -> ComplexArray:
+    """Return what the CoMs of the segments add to the first moment, z + j x in P, (...) [kg m].
 
-    The feet with their CoMs, and of every other link its mass at its origin.
+    It only adds and multiplies, so it takes symbols as well.
+
+    Parameters
+    ----------
+    first_moment : complex array, shape (...)
+        Mass times CoM of the counted links [kg m].
+    foot : complex array, shape (...)
+        First moment of what does not turn [kg m].
+    masses : array, shape (n,)
+        Of all that turns [kg].
+    origins : complex array, shape (..., n)
+        Where each of them begins: what its CoM is counted from [m].
+
+    Notes
+    -----
+    The balance (26) of Muscolo 2017 for any chain, less what is known: the right-hand side of
+    E H = K, equation (39) for n = 2.
+    """
+    return first_moment - foot - np.sum(masses * origins, axis=-1)
+
+
+def right_hand_side(chain: PlanarChain, at: Placements, first_moment: ComplexArray) -> ComplexArray:
+    """Return K of E H = K: the first moment less what CAD knows of it, (..., n_conf) [kg m].
+
+    Parameters
+    ----------
+    at : Placements, shape (..., n_conf, n_links, ...)
+        In P.
+    first_moment : complex array, shape (..., n_conf)
+        Mass times CoM of the counted links, z + j x in P [kg m].
     """
     masses = chain.robot.tree.masses
-    S = np.einsum("k,...ki->...i", masses * chain.known, at.coms)
-    S = S + np.einsum("k,...ki->...i", masses * (chain.counted & ~chain.known), at.p)
-    return S[..., 2] + 1j * S[..., 0]
+    known, turning = np.flatnonzero(chain.known), np.flatnonzero(chain.counted & ~chain.known)
+    foot = np.einsum("k,...ki->...i", masses[known], at.coms[..., known, :])
+    origins = at.p[..., turning, :]
+    return moment_of_coms(
+        first_moment,
+        foot[..., 2] + 1j * foot[..., 0],
+        masses[turning],
+        origins[..., 2] + 1j * origins[..., 0],
+    )
 
 
 def segment_com(chain: PlanarChain, at: Placements, H: ComplexArray) -> ComplexArray:

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 r"""alpha .. delta and the total CoM of two poses, as formulas.
 
-The coefficients come out of the very function that the numeric code runs,
-:func:`comcal.statics.coefficients.coefficients_from_wrench`, given an array of symbols. The
-two-pose formula is derived here from the first moment of the chain instead: the numeric one calls
-a solver for floats (least squares over any number of poses). The tests hold them against one
-another.
+Both come out of the very functions that the numeric code runs, given symbols:
+:func:`comcal.statics.coefficients.coefficients_from_wrench` and the balance of a tilted pose in
+:mod:`comcal.statics.two_pose`. The numeric route takes any number of poses and also the Y lines
+into one least squares; for two poses without a change of slope across the two are the same.
 """
 
 from __future__ import annotations
@@ -15,7 +14,15 @@ from typing import Any, cast
 import numpy as np
 
 from comcal.statics.coefficients import coefficients_from_wrench
-from comcal.symbolic.algebra import Expr, sp
+from comcal.statics.two_pose import (
+    FootSide,
+    Row,
+    determinants,
+    known_part,
+    tilt_row,
+    turned_height,
+)
+from comcal.symbolic.algebra import sp
 from comcal.symbolic.program import (
     Output,
     Program,
@@ -88,8 +95,7 @@ def total_com_program() -> Program:
     -----
     Equations (14)-(17), (22), (23) and (27) of Muscolo 2017 for any ankle (A, U). Pose a, then
     pose b; the CoM is that of the shape when its tilt theta is zero. Y is the mean of what the two
-    poses say about it; the numeric route weighs the two by least squares, which is the same
-    wherever the two agree.
+    poses say about it.
     """
     poses = ("a", "b")
     lines = [vector(name, poses, f"{words}, poses a and b", u) for name, words, u in COEFFICIENTS]
@@ -101,38 +107,42 @@ def total_com_program() -> Program:
     A = scalar("A", "x of the ankle axis in P", "m")
     U = scalar("U", "z of the ankle axis in P", "m")
     inputs = (*lines, theta, m_2, m_u, r_u, l_u, A, U)
-    mass, foot_mass, r, l, ankle_x, ankle_z = (q.symbols[0] for q in inputs[5:])  # noqa: E741
+    mass, *foot = (q.symbols[0] for q in inputs[5:])
     steps = Steps()
-    m_w = steps.let("m_w", mass - foot_mass, real=True)
-    known_x = steps.let("x_known", foot_mass * r + m_w * ankle_x, real=True)
-    known_z = steps.let("z_known", foot_mass * l + m_w * ankle_z, real=True)
-    rows: list[tuple[Expr, Expr, Expr]] = []
+    # The numeric functions, on symbols: they only add, multiply and divide.
+    x, z = known_part(mass, FootSide(*foot))
+    known = (steps.let("x_known", x, real=True), steps.let("z_known", z, real=True))
+    turns: list[tuple[Any, Any]] = []
+    rows: list[Row] = []
     for k, name in enumerate(poses):
-        alpha, beta = lines[0].symbols[k], lines[1].symbols[k]
-        s = steps.let(f"s_{name}", sp.sin(theta.symbols[k]), real=True)
-        c = steps.let(f"c_{name}", sp.cos(theta.symbols[k]), real=True)
-        # X = alpha + beta Z of the turned l_w, r_w: p l_w + q r_w = a.
+        angle = theta.symbols[k]
+        s = steps.let(f"s_{name}", sp.sin(angle), real=True)
+        c = steps.let(f"c_{name}", sp.cos(angle), real=True)
+        turns.append((s, c))
+        p, q, a = tilt_row((lines[0].symbols[k], lines[1].symbols[k]), known, (s, c))
         rows.append(
             (
-                steps.let(f"p_{name}", s - beta * c, real=True),
-                steps.let(f"q_{name}", c + beta * s, real=True),
-                steps.let(f"a_{name}", mass * alpha - known_x + beta * known_z, real=True),
+                steps.let(f"p_{name}", p, real=True),
+                steps.let(f"q_{name}", q, real=True),
+                steps.let(f"a_{name}", a, real=True),
             )
         )
-    (p_a, q_a, a_a), (p_b, q_b, a_b) = rows
-    det = steps.let("det", p_b * q_a - p_a * q_b, real=True)
-    # First moments of what tilts, m_w l_w and m_w r_w, by Cramer's rule.
-    along = steps.let("m_l", (a_b * q_a - a_a * q_b) / det, real=True)
-    across = steps.let("m_r", (p_b * a_a - p_a * a_b) / det, real=True)
-    heights = [(known_z + along * sp.cos(t) - across * sp.sin(t)) / mass for t in theta.symbols]
+    D_l, D_r, D = determinants(*rows)
+    det = steps.let("det", D, real=True)
+    # The share in the CoM of what tilts: m_w l_w / m_2 and m_w r_w / m_2.
+    rest = (steps.let("z_rest", D_l / det, real=True), steps.let("x_rest", D_r / det, real=True))
     Y = [
-        steps.let(f"Y_{name}", lines[2].symbols[k] + lines[3].symbols[k] * heights[k], real=True)
-        for k, name in enumerate(poses)
+        steps.let(
+            f"Y_{name}",
+            lines[2].symbols[k] + lines[3].symbols[k] * turned_height(known, rest, turn),
+            real=True,
+        )
+        for k, (name, turn) in enumerate(zip(poses, turns, strict=True))
     ]
     outputs = (
-        Output("X", ("X",), ((known_x + across) / mass,), False, "x of the carried CoM in P", "m"),
+        Output("X", ("X",), (known[0] + rest[1],), False, "x of the carried CoM in P", "m"),
         Output("Y", ("Y",), ((Y[0] + Y[1]) / 2,), False, "y of the carried CoM in P", "m"),
-        Output("Z", ("Z",), ((known_z + along) / mass,), False, "z of the carried CoM in P", "m"),
+        Output("Z", ("Z",), (known[1] + rest[0],), False, "z of the carried CoM in P", "m"),
         Output(
             "determinant",
             ("det",),

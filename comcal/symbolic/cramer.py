@@ -20,7 +20,7 @@ from itertools import combinations
 
 from comcal.errors import RankError, UsageError
 from comcal.symbolic.algebra import Expr, sp
-from comcal.symbolic.minors import minors_by_columns
+from comcal.symbolic.minors import cramer_by_minors
 from comcal.symbolic.program import Output, Program, Steps, folded
 from comcal.symbolic.statements import free_statements
 from comcal.symbolic.system import System
@@ -79,7 +79,6 @@ def cramer_program(system: System) -> Program:
 
 def _solve(system: System, solving: Sequence[int], steps: Steps) -> tuple[list[Expr], Expr] | None:
     """Write the steps to G and det D; None where the determinant is zero for all angles."""
-    n = len(solving)
     first, D = reduced_rows(system, solving, steps)
     rhs: list[Expr] = []
     for i in solving:
@@ -88,19 +87,11 @@ def _solve(system: System, solving: Sequence[int], steps: Steps) -> tuple[list[E
         rhs.append(steps.let(f"k_{name}", K * phase(-system.angles[i][0])))
     names = [system.names[i] for i in solving[1:]]
     B = [steps.let(f"B_{name}", k - rhs[0]) for name, k in zip(names, rhs[1:], strict=True)]
-    rows = [[*row, b] for row, b in zip(D, B, strict=True)]
-    minors = minors_by_columns(rows, [*system.letters[1:], "K"], steps, "M")
-    full = (1 << (n - 1)) - 1
-    det = minors.get(full, sp.Integer(0))
-    if det == 0:
+    letters = system.letters[1:]
+    found = cramer_by_minors(D, B, letters, [f"G_{letter}" for letter in letters], steps)
+    if found is None:
         return None
-    inverse = steps.let("inverse", 1 / det)
-    G: list[Expr] = []
-    for v in range(n - 1):
-        # The right-hand side stands last in its minor; moving it to column v changes the sign.
-        numerator = minors.get(full ^ (1 << v) | 1 << (n - 1), sp.Integer(0))
-        sign = (-1) ** (n - 2 - v)
-        G.append(steps.let(f"G_{system.letters[v + 1]}", sign * numerator * inverse))
+    G, det = found
     rest = sp.Add(*(f * g for f, g in zip(first[1:], G, strict=True)))
     return [steps.let(f"G_{system.letters[0]}", rhs[0] - rest), *G], det
 

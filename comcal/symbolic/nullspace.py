@@ -10,19 +10,19 @@ remains is identifiable by configurations that are rich enough.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from comcal.errors import UsageError
 from comcal.robot.tree import Array
 from comcal.symbolic.algebra import Expr, Matrix, sp
 from comcal.symbolic.program import Output, Program, Quantity, Statement, Steps
 from comcal.symbolic.spatial import SpatialChain, place
+from comcal.symbolic.spatial_places import AXIS_NAMES, named_places
 
-MAX_JOINTS = 4
-"""The products of sines and cosines triple with every joint."""
-AXIS_NAMES = ("x", "y", "z")
+ROUNDING = 1e-12
+"""Factors below this are zero but for rounding [1]."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,8 @@ class Combination:
     ----------
     label : str
         Its symbol.
+    k : int
+        0 for the base, else the number of the joint that carries the link.
     link : str
         The link in whose frame it stands.
     direction : sympy.Matrix, shape (3, 1)
@@ -42,9 +44,15 @@ class Combination:
     """
 
     label: str
+    k: int
     link: str
     direction: Matrix
     meaning: Expr
+
+    @property
+    def mark(self) -> str:
+        """The label without what all labels share, for the names of steps."""
+        return self.label[2:].replace("_", "")
 
 
 @dataclass(frozen=True)
@@ -58,6 +66,7 @@ class Visible:
     null : sympy.Matrix, shape (3 (n + 1), n_null)
         A column per direction that no pose sees.
     combinations : tuple of Combination
+        From the base to the tip.
     """
 
     h: tuple[Matrix, ...]
@@ -66,27 +75,18 @@ class Visible:
 
 
 def visible(chain: SpatialChain) -> Visible:
-    """Return what configurations of all kinds determine of a chain, and what none does.
-
-    Raises
-    ------
-    UsageError
-        If there are more than ``MAX_JOINTS`` joints.
-    """
+    """Return what configurations of all kinds determine of a chain, and what none does."""
     n = len(chain.joints)
-    if n > MAX_JOINTS:
-        raise UsageError(
-            "the symbolic null space is for short chains",
-            measured=f"{n} joints",
-            limit=f"{MAX_JOINTS}",
-            next_step="choose --base and --tip closer together; comcal solve has no such limit",
-        )
     h = tuple(
         sp.Matrix([sp.Symbol(f"h_{k}{axis}", real=True) for axis in AXIS_NAMES])
         for k in range(n + 1)
     )
     columns: list[Matrix] = []
-    merged = list(h)
+    # Factors of all unknowns in what has gathered at each link.
+    merged = [
+        sp.zeros(3, 3 * k).row_join(sp.eye(3)).row_join(sp.zeros(3, 3 * (n - k)))
+        for k in range(n + 1)
+    ]
     kept: list[list[Matrix]] = [[] for _ in range(n + 1)]
     for k in range(n, 0, -1):
         joint = chain.joints[k - 1]
@@ -97,18 +97,24 @@ def visible(chain: SpatialChain) -> Visible:
             column[3 * k : 3 * k + 3, 0] = direction
             column[3 * k - 3 : 3 * k, 0] = -direction
             columns.append(column)
-            merged[k - 1] = merged[k - 1] + direction * direction.dot(merged[k])
+            merged[k - 1] += direction * (direction.T * merged[k])
     kept[0] = [sp.eye(3)[:, i] for i in range(3)]
     combinations = tuple(
-        Combination(f"s_{k}_{i + 1}", chain.links[k], d, sp.expand(d.dot(merged[k])))
+        Combination(f"s_{k}_{i + 1}", k, chain.links[k], d, _sum(d.T * merged[k], h))
         for k in range(n + 1)
         for i, d in enumerate(kept[k])
     )
     return Visible(h, sp.Matrix.hstack(*reversed(columns)), combinations)
 
 
+def _sum(factors: Matrix, h: Sequence[Matrix]) -> Expr:
+    """Return a sum of unknowns, without the terms that rounding left."""
+    terms = zip(factors, sp.Matrix.vstack(*h), strict=True)
+    return sp.Add(*(factor * symbol for factor, symbol in terms if abs(factor) > ROUNDING))
+
+
 def across(axis: Matrix) -> list[Matrix]:
-    """Return two unit vectors that are orthogonal to *axis* and to one another.
+    """Return two unit vectors that are a right-handed frame with *axis* as the third.
 
     Parameters
     ----------
@@ -117,7 +123,8 @@ def across(axis: Matrix) -> list[Matrix]:
     """
     along = [i for i in range(3) if axis[i] != 0]
     if len(along) == 1:
-        return [sp.eye(3)[:, i] for i in range(3) if i not in along]
+        plane = [sp.eye(3)[:, (along[0] + i) % 3] for i in (1, 2)]
+        return plane if axis[along[0]] > 0 else plane[::-1]
     smallest = min(range(3), key=lambda i: abs(float(axis[i])))
     first = axis.cross(sp.eye(3)[:, smallest])
     first = first / sp.sqrt(first.dot(first))
@@ -145,45 +152,31 @@ def harmonics(chain: SpatialChain) -> Array:
     return np.array(list(rows.values()))
 
 
-def spatial_program(chain: SpatialChain) -> Program:
-    """Return the equations of one pose for the identifiable combinations, and what these mean.
+def across_of(found: Visible, k: int) -> list[Combination]:
+    """Return the combinations of one link: across the axis of its joint, or of the base all three.
 
-    Notes
-    -----
-    One pose gives three equations, ``rows @ s = rhs``. Stack those of enough poses and solve them
-    in the least-squares sense.
+    Parameters
+    ----------
+    found : Visible
+    k : int
+        0 for the base.
     """
-    found = visible(chain)
-    n = len(chain.joints)
-    q = Quantity("q", chain.q, (n,), f"joints {', '.join(j.name for j in chain.joints)}", "rad|m")
-    com = tuple(sp.Symbol(f"com_{a}", real=True) for a in AXIS_NAMES)
-    given = Quantity("com", com, (3,), f"total CoM in the frame of {chain.base}", "m")
-    free = sorted({x for m in chain.m for x in m.free_symbols}, key=str)
-    m = [Quantity(str(x), (x,), (), f"mass of {chain.links[int(str(x)[2:])]}", "kg") for x in free]
-    steps = Steps()
-    placed = _named_places(chain, steps)
-    order = [chain.links.index(c.link) for c in found.combinations]
-    rows: list[Expr] = []
-    rhs: list[Expr] = []
-    for i in range(3):
-        for k, c in zip(order, found.combinations, strict=True):
-            rows.append((placed[k][0][i, :] * c.direction)[0, 0])
-        lengths = sp.Add(*(mass * p[i] for mass, (_, p) in zip(chain.m, placed, strict=True)))
-        rhs.append(sp.Add(*chain.m) * com[i] - lengths)
-    labels = tuple(f"row_{a}_{c.label}" for a in AXIS_NAMES for c in found.combinations)
-    words = f"3 x {len(found.combinations)}, row by row: x, y, z of the first moment, " + ", ".join(
-        c.label for c in found.combinations
-    )
-    outputs = (
-        Output("rows", labels, tuple(rows), True, words, "1"),
-        Output(
-            "rhs", tuple(f"rhs_{a}" for a in AXIS_NAMES), tuple(rhs), True, "their sums", "kg m"
-        ),
-    )
+    return [c for c in found.combinations if c.k == k]
+
+
+def visible_statements(found: Visible) -> tuple[Statement, ...]:
+    """Return the names of what can be identified, and of what cannot.
+
+    Parameters
+    ----------
+    found : Visible
+    """
     statements = [
         Statement(
-            f"{len(found.combinations)} combinations of {3 * (n + 1)} first moments h_k = m_k c_k "
-            "are identifiable, each in the frame of its link; enough poses determine them all."
+            f"{len(found.combinations)} combinations of {3 * len(found.h)} first moments "
+            "h_k = m_k c_k are identifiable, each in the frame of its link; enough poses determine "
+            "them all. That frame has its origin at the link's joint and, with all joints at zero, "
+            "the axes of the base."
         )
     ]
     statements += [
@@ -202,33 +195,59 @@ def spatial_program(chain: SpatialChain) -> Program:
                 f"together {', '.join(moved)}:", sp.Symbol("direction"), direction.dot(unknown)
             )
         )
+    return tuple(statements)
+
+
+def mass_quantities(chain: SpatialChain) -> tuple[Quantity, ...]:
+    """Return those masses of a chain that are symbols, as inputs.
+
+    Parameters
+    ----------
+    chain : SpatialChain
+    """
+    return tuple(
+        Quantity(str(m), (m,), (), f"mass of {link}", "kg")
+        for m, link in zip(chain.m, chain.links, strict=True)
+        if m.is_Symbol
+    )
+
+
+def spatial_program(chain: SpatialChain) -> Program:
+    """Return the equations of one pose for the identifiable combinations, and what these mean.
+
+    Notes
+    -----
+    One pose gives three equations, ``rows @ s = rhs``. Stack those of enough poses and solve them
+    in the least-squares sense.
+    """
+    found = visible(chain)
+    n = len(chain.joints)
+    q = Quantity("q", chain.q, (n,), f"joints {', '.join(j.name for j in chain.joints)}", "rad|m")
+    com = tuple(sp.Symbol(f"com_{a}", real=True) for a in AXIS_NAMES)
+    given = Quantity("com", com, (3,), f"total CoM in the frame of {chain.base}", "m")
+    steps = Steps()
+    placed = named_places(chain, chain.q, steps)
+    rows: list[Expr] = []
+    rhs: list[Expr] = []
+    for i in range(3):
+        rows += [(placed[c.k][0][i, :] * c.direction)[0, 0] for c in found.combinations]
+        lengths = sp.Add(*(mass * p[i] for mass, (_, p) in zip(chain.m, placed, strict=True)))
+        rhs.append(sp.Add(*chain.m) * com[i] - lengths)
+    labels = tuple(f"row_{a}_{c.label}" for a in AXIS_NAMES for c in found.combinations)
+    words = f"3 x {len(found.combinations)}, row by row: x, y, z of the first moment, " + ", ".join(
+        c.label for c in found.combinations
+    )
+    outputs = (
+        Output("rows", labels, tuple(rows), True, words, "1"),
+        Output(
+            "rhs", tuple(f"rhs_{a}" for a in AXIS_NAMES), tuple(rhs), True, "their sums", "kg m"
+        ),
+    )
     return Program(
         name="first_moment_rows",
         title=f"What static data see of the chain {chain.base} to {chain.links[-1]}",
-        inputs=(q, given, *m),
+        inputs=(q, given, *mass_quantities(chain)),
         steps=tuple(steps.done),
         outputs=outputs,
-        statements=tuple(statements),
+        statements=visible_statements(found),
     ).only_used()
-
-
-def _named_places(chain: SpatialChain, steps: Steps) -> list[tuple[Matrix, Matrix]]:
-    """Return the places of all links with every entry of a rotation and origin named."""
-    cosines = {}
-    for k, q in enumerate(chain.q, start=1):
-        if not chain.joints[k - 1].prismatic:
-            cosines[sp.cos(q)] = steps.let(f"c_{k}", sp.cos(q), real=True)
-            cosines[sp.sin(q)] = steps.let(f"s_{k}", sp.sin(q), real=True)
-    placed: list[tuple[Matrix, Matrix]] = [(sp.eye(3), sp.zeros(3, 1))]
-    for k, joint in enumerate(chain.joints, start=1):
-        R, p = placed[-1]
-        own = SpatialChain(chain.base, (joint,), (chain.q[k - 1],), chain.m[:2])
-        R_own, p_own = (m.xreplace(cosines) for m in place(own)[1])
-        R_k, p_k = (R * R_own), p + R * p_own
-        R_named, p_named = sp.zeros(3, 3), sp.zeros(3, 1)
-        for i, a in enumerate(AXIS_NAMES):
-            p_named[i] = steps.let(f"p_{k}_{a}", p_k[i], real=True)
-            for j, b in enumerate(AXIS_NAMES):
-                R_named[i, j] = steps.let(f"R_{k}_{a}{b}", R_k[i, j], real=True)
-        placed.append((R_named, p_named))
-    return placed

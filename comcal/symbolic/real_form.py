@@ -7,8 +7,9 @@ are known; each is written out once, nothing is expanded.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import chain
 
 from comcal.symbolic.algebra import Expr, Symbol, sp
 from comcal.symbolic.program import Program, Steps
@@ -55,8 +56,12 @@ def split(value: Expr, parts: dict[Expr, Pair]) -> Pair:
     if value.is_Atom:
         return value, ZERO
     if value.is_Add:
-        pairs = [split(a, parts) for a in value.args]
-        return sp.Add(*(p[0] for p in pairs)), sp.Add(*(p[1] for p in pairs))
+        return _sum(
+            _product_terms([split(a, parts) for a in term.args])
+            if term.is_Mul
+            else _alone(split(term, parts))
+            for term in value.args
+        )
     if value.is_Mul:
         return _product([split(a, parts) for a in value.args])
     if value.is_Pow:
@@ -69,18 +74,37 @@ def _kept(symbol: Symbol, value: Expr, steps: Steps) -> Expr:
     return steps.let(symbol.name, value, real=True)
 
 
+def _alone(pair: Pair) -> tuple[list[Expr], list[Expr]]:
+    return [pair[0]], [pair[1]]
+
+
+def _sum(terms: Iterable[tuple[list[Expr], list[Expr]]]) -> Pair:
+    re, im = zip(*terms, strict=True)
+    return sp.Add(*chain.from_iterable(re)), sp.Add(*chain.from_iterable(im))
+
+
 def _product(pairs: list[Pair]) -> Pair:
+    return _sum([_product_terms(pairs)])
+
+
+def _product_terms(pairs: list[Pair]) -> tuple[list[Expr], list[Expr]]:
+    """Return the terms of real and imaginary part: sums of many products are added up once."""
     scale = sp.Mul(*(re for re, im in pairs if im is ZERO))
     turned = [pair for pair in pairs if pair[1] is not ZERO]
     if not turned:
-        return scale, ZERO
+        return [scale], []
     re, im = turned[0]
-    for c, d in turned[1:]:
+    if scale is not ONE:
+        re, im = sp.Mul(scale, re), sp.Mul(scale, im)
+    if len(turned) == 1:
+        return [re], [im]
+    for c, d in turned[1:-1]:
         re, im = (
             sp.Add(sp.Mul(re, c), sp.Mul(-1, im, d)),
             sp.Add(sp.Mul(re, d), sp.Mul(im, c)),
         )
-    return (re, im) if scale is ONE else (scale * re, scale * im)
+    c, d = turned[-1]
+    return [sp.Mul(re, c), sp.Mul(-1, im, d)], [sp.Mul(re, d), sp.Mul(im, c)]
 
 
 def _power(value: Expr, parts: dict[Expr, Pair]) -> Pair:

@@ -12,8 +12,14 @@ from comcal.symbolic.program import Quantity
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 """Its multiples by squares, modulo 1, fall evenly and follow no line."""
-RANGES = {"rad": (0.3, 1.4), "kg": (1.0, 5.0), "N": (50.0, 200.0), "": (0.05, 0.45)}
-"""Where the numbers lie, by unit; the last for all others."""
+RANGES = {
+    "rad": (0.3, 2.8),
+    "rad|m": (0.3, 1.4),
+    "kg": (1.0, 5.0),
+    "N": (50.0, 200.0),
+    "": (0.05, 0.45),
+}
+"""Where the numbers lie, by unit; the last for all others. Angles so wide that shapes differ."""
 
 
 def sample_inputs(inputs: Sequence[Quantity]) -> dict[str, Array]:

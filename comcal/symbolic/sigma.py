@@ -78,8 +78,9 @@ def sigma_program(system: System, factors: Factors, steps: Steps) -> Program:
             cot, csc = turned[i]
             variances[0].append(noise[i] * ((re - im * cot) ** 2 + (im * csc) ** 2))
             variances[1].append(noise[i] * ((im + re * cot) ** 2 + (re * csc) ** 2))
-        for found, terms in zip((sigma_r, sigma_l), variances, strict=True):
-            found.append(m_2 / system.m[v] * sp.sqrt(sp.Add(*terms)))
+        for which, found, terms in zip("rl", (sigma_r, sigma_l), variances, strict=True):
+            variance = steps.let(f"V_{which}_{letter}", sp.Add(*terms), real=True)
+            found.append(m_2 / system.m[v] * sp.sqrt(variance))
     outputs = tuple(
         Output(
             f"sigma_{which}",

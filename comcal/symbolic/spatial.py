@@ -129,6 +129,11 @@ def _column(values: npt.ArrayLike) -> Matrix:
     return sp.Matrix([exact(x) for x in np.asarray(values, dtype=np.float64).tolist()])
 
 
+def turning_positions(chain: SpatialChain) -> list[Symbol]:
+    """Return the positions of those joints that turn."""
+    return [q for q, joint in zip(chain.q, chain.joints, strict=True) if not joint.prismatic]
+
+
 def place(chain: SpatialChain) -> list[tuple[Matrix, Matrix]]:
     """Return axes and origin of the base and of every link, in the base frame."""
     R, p = sp.eye(3), sp.zeros(3, 1)

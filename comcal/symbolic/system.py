@@ -2,7 +2,9 @@
 r"""E G = K: the first moments of all configurations as one complex linear system.
 
 :math:`E_{iv} = e^{j \varphi_{iv}}`; K_i is the first moment of configuration i without what stays
-on the ground, G_v = m_v (l_v + j r_v) + (L_v + j D_v) sum of the masses beyond.
+on the ground, G_v = m_v (l_v + j r_v) + (L_v + j D_v) sum of the masses beyond. K comes
+out of the very function that the numeric code runs, :func:`comcal.statics.planar.moment_of_coms`,
+given symbols.
 """
 
 from __future__ import annotations
@@ -10,6 +12,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from comcal.statics.planar import moment_of_coms
 from comcal.symbolic.algebra import Expr, sp
 from comcal.symbolic.chain import Chain, letters_of
 from comcal.symbolic.program import Quantity, matrix, scalar, vector
@@ -96,8 +101,12 @@ def system_of(
     names = tuple(names) or letters_of(len(angles))
     X = vector("X", names, "x of the total CoM in each configuration, in P", "m")
     Z = vector("Z", names, "z of the total CoM in each configuration, in P", "m")
-    known = chain.foot + chain.m_w * chain.ankle
-    total = [chain.m_2 * (z + sp.I * x) - known for x, z in zip(X.symbols, Z.symbols, strict=True)]
+    # With the levers among the unknowns, all that turns is counted from the ankle.
+    m, ankle = (np.array([value], dtype=object) for value in (chain.m_w, chain.ankle))
+    total = [
+        moment_of_coms(chain.m_2 * (z + sp.I * x), chain.foot, m, ankle)
+        for x, z in zip(X.symbols, Z.symbols, strict=True)
+    ]
     return System(
         letters=chain.letters,
         names=names,
@@ -131,8 +140,9 @@ def system_with_joints(n: int) -> System:
     for i in range(n):
         foot = m_u.symbols[0] * (l_u.symbols[i] + sp.I * r_u.symbols[i])
         at = [z.symbols[i * n + v] + sp.I * x.symbols[i * n + v] for v in range(n)]
-        joints = sp.Add(*(mass * p for mass, p in zip(m.symbols, at, strict=True)))
-        K.append(m_2.symbols[i] * (Z.symbols[i] + sp.I * X.symbols[i]) - foot - joints)
+        total = m_2.symbols[i] * (Z.symbols[i] + sp.I * X.symbols[i])
+        masses, origins = (np.array(values, dtype=object) for values in (m.symbols, at))
+        K.append(moment_of_coms(total, foot, masses, origins))
     inputs = (X, Z, phi, m_2, m, m_u, r_u, l_u, x, z)
     zero = (sp.Integer(0),) * n
     return System(letters, letters, angles, tuple(K), zero, m.symbols, m_2.symbols, inputs)

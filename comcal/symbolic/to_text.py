@@ -32,7 +32,7 @@ def to_text(program: Program) -> str:
     for o in program.outputs:
         lines += _wrapped(f"{o.name}: {o.meaning} [{o.unit}]")
         lines += [
-            f"      {label} = {sp.sstr(value)}"
+            f"      {label}" if sp.sstr(value) == label else f"      {label} = {sp.sstr(value)}"
             for label, value in zip(o.labels, o.values, strict=True)
         ]
     return "\n".join(lines) + "\n"

@@ -3,25 +3,21 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import combinations
 from pathlib import Path
 
-from comcal.errors import ConfigError, RankError, UsageError
+from comcal.errors import RankError, UsageError
 from comcal.robot.description import load_robot
-from comcal.robot.locate import LocatedYaml, read_yaml
-from comcal.symbolic.algebra import Expr
-from comcal.symbolic.angle_text import angle_of
 from comcal.symbolic.chain import Chain, planar_chain
 from comcal.symbolic.coefficients import coefficients_program, total_com_program
 from comcal.symbolic.cofactors import free_factors
 from comcal.symbolic.cramer import MAX_FREE, cramer_program
 from comcal.symbolic.nullspace import spatial_program
 from comcal.symbolic.one_joint import one_joint_program, one_joint_system
-from comcal.symbolic.program import Program, Statement, Steps, scalar, substituted
+from comcal.symbolic.program import Program, Statement, Steps, substituted
 from comcal.symbolic.robot_chain import (
     LinkPath,
     default_ends,
@@ -30,18 +26,20 @@ from comcal.symbolic.robot_chain import (
     spatial_chain,
 )
 from comcal.symbolic.sigma import one_joint_factors, sigma_program
-from comcal.symbolic.system import Angles, System, free_angles, system_of
+from comcal.symbolic.spatial import SpatialChain
+from comcal.symbolic.spatial_cramer import spatial_cramer_program
+from comcal.symbolic.spatial_one_joint import spatial_one_joint_program
+from comcal.symbolic.spatial_sigma import spatial_cramer_sigma, spatial_one_joint_sigma
+from comcal.symbolic.system import System, free_angles, system_of
 from comcal.symbolic.to_c import to_c
 from comcal.symbolic.to_latex import to_latex
 from comcal.symbolic.to_python import to_python
 from comcal.symbolic.to_text import to_text
+from comcal.workflow.derive_configurations import read_pitches, read_shapes
 
 ONE_JOINT, FREE = "one-joint", "free"
 MAX_LINKS = 200
 """Longer chains are a slip of the keyboard."""
-FILE_FORMAT = "comcal-configurations/1"
-CONFIGURATION_NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
-ANGLE_NAME = re.compile(r"(theta|phi|psi)(_[A-Za-z0-9]+)*")
 
 
 class What(Enum):
@@ -51,6 +49,7 @@ class What(Enum):
     TOTAL_COM = "total-com"
     LINK_COM = "link-com"
     SIGMA = "sigma"
+    ROWS = "rows"
 
 
 PRINTERS: dict[str, Callable[[Program], str]] = {
@@ -102,16 +101,17 @@ def derive(order: DeriveOrder) -> Program:
         robot = load_robot(order.robot)
         base, tip = default_ends(robot)
         path = path_between(robot, order.base or base, order.tip or tip)
-        if not path.is_planar:
-            if order.what is What.SIGMA:
-                raise UsageError(
-                    "the uncertainty of a spatial chain has no closed form here",
-                    next_step="comcal solve gives it for the poses of a session",
-                )
-            return spatial_program(spatial_chain(path))
+        if order.what is What.ROWS or not path.is_planar:
+            program = _spatial(order, spatial_chain(path))
+            return replace(program, statements=(*program.statements, _carried(path)))
         chain, values = planar_values(path)
         program = substituted(_planar(order, chain), values)
         return replace(program, statements=(*program.statements, _meaning(path, chain)))
+    if order.what is What.ROWS:
+        raise UsageError(
+            "the equations of one pose are for the chain of a robot",
+            next_step="give --robot ROBOT.yaml",
+        )
     if order.dof is None:
         raise UsageError("nothing to derive from", next_step="give --dof N or --robot ROBOT.yaml")
     if not 1 <= order.dof <= MAX_LINKS:
@@ -138,6 +138,28 @@ def _meaning(path: LinkPath, chain: Chain) -> Statement:
     )
 
 
+def _carried(path: LinkPath) -> Statement:
+    """Return which masses count with which link, and in which frame the total CoM is given."""
+    parts = [f"{link} {mass:g} kg" for link, mass in zip(path.links, path.masses, strict=True)]
+    return Statement(
+        f"What hangs beside the chain counts with the link it hangs on, its joints at zero: "
+        f"{', '.join(parts)}. The frame of {path.links[0]} is the stance frame P when the robot "
+        "stands on it, else its URDF frame; the total CoM is that of these masses together."
+    )
+
+
+def _spatial(order: DeriveOrder, chain: SpatialChain) -> Program:
+    if order.what is What.ROWS:
+        return spatial_program(chain)
+    wants_sigma = order.what is What.SIGMA
+    if order.configurations == ONE_JOINT:
+        make = spatial_one_joint_sigma if wants_sigma else spatial_one_joint_program
+        return make(chain)
+    free = order.configurations == FREE
+    shapes = None if free else read_shapes(Path(order.configurations), chain)
+    return (spatial_cramer_sigma if wants_sigma else spatial_cramer_program)(chain, shapes)
+
+
 def _planar(order: DeriveOrder, chain: Chain) -> Program:
     if order.configurations == ONE_JOINT:
         if order.what is What.LINK_COM:
@@ -157,7 +179,7 @@ def _planar(order: DeriveOrder, chain: Chain) -> Program:
         angles, phi = free_angles(n)
         system = system_of(chain, angles, [phi])
     else:
-        system = read_configurations(Path(order.configurations), chain)
+        system = read_pitches(Path(order.configurations), chain)
     if order.what is What.LINK_COM:
         return cramer_program(system)
     return _sigma_of_first_choice(system)
@@ -179,71 +201,6 @@ def _sigma_of_first_choice(system: System) -> Program:
         except RankError as error:
             refused = error
     raise refused
-
-
-def read_configurations(path: Path, chain: Chain) -> System:
-    """Read configurations as rows of absolute pitches, in numbers or names.
-
-    Parameters
-    ----------
-    path : Path
-        YAML: ``format: comcal-configurations/1`` and ``configurations:`` with a line such as
-        ``c: [0, theta_c]`` per configuration, from the ankle up.
-    chain : Chain
-
-    Raises
-    ------
-    ConfigError
-        If the file is not of this form.
-    """
-    located = read_yaml(path)
-    unknown = set(located.data) - {"format", "configurations"}
-    if located.data.get("format") != FILE_FORMAT or unknown:
-        raise ConfigError(
-            f"the file holds unknown keys: {', '.join(sorted(unknown))}"
-            if unknown
-            else "the file does not say what it is",
-            where=located.where("format"),
-            next_step=f"write `format: {FILE_FORMAT}` and `configurations:`",
-        )
-    rows = located.data.get("configurations")
-    if not isinstance(rows, dict) or not rows:
-        raise ConfigError(
-            "there are no configurations",
-            where=located.where("configurations"),
-            next_step="write one per line, as `c: [0, theta_c]`",
-        )
-    names = [str(name) for name in rows]
-    angles: Angles = tuple(_row(located, name, rows[name], len(chain.letters)) for name in names)
-    found = {symbol.name for row in angles for phi in row for symbol in phi.free_symbols}
-    inputs = [scalar(name, "angle of the configurations", "rad") for name in sorted(found)]
-    return system_of(chain, angles, inputs, names)
-
-
-def _row(located: LocatedYaml, name: str, row: object, n: int) -> tuple[Expr, ...]:
-    where = located.where("configurations", name)
-    if not CONFIGURATION_NAME.fullmatch(name):
-        raise ConfigError(
-            f"{name!r} cannot name a configuration in a formula",
-            where=where,
-            next_step="use a letter, then letters and digits",
-        )
-    if not isinstance(row, list) or len(row) != n:
-        raise ConfigError(
-            f"configuration {name!r} needs one angle for every segment, from the ankle up",
-            where=where,
-            measured=f"{len(row)} angles" if isinstance(row, list) else "no list",
-            limit=f"{n}",
-        )
-    angles = tuple(angle_of(text, where) for text in row)
-    for symbol in sorted({s.name for phi in angles for s in phi.free_symbols}):
-        if not ANGLE_NAME.fullmatch(symbol):
-            raise ConfigError(
-                f"{symbol!r} does not look like an angle",
-                where=where,
-                next_step="begin names of angles with theta, phi or psi, as theta_b",
-            )
-    return angles
 
 
 def write_new(path: Path, text: str) -> None:

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long derivations take and how fast the generated code is; run by hand, prints a table.
+"""How long derivations take and how fast the generated code is, beside their limits.
 
     python tests/bench/symbolic_bench.py [--naive SECONDS]
 
-``--naive`` runs sympy's expanded Cramer's rule beside it, stopped after that many seconds.
+sympy's expanded Cramer's rule runs beside it in a child process, ended after that many seconds (60;
+0 leaves it out). The exit code is 1 if a limit is not met. Times are the best of several, taken in
+turns where two are compared, so that both see the same load.
 """
 
 from __future__ import annotations
@@ -14,9 +16,12 @@ import multiprocessing
 import os
 import shutil
 import subprocess
+import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from multiprocessing.synchronize import Event
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +37,40 @@ from comcal.symbolic.to_c import to_c
 from comcal.symbolic.to_python import python_function, to_python
 
 BATCH = 1000
+STRICT = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table: a time, and what it has to stay below."""
+
+    what: str
+    seconds: float
+    limit: float
+    beside: str = ""
+
+    def __str__(self) -> str:
+        verdict = "ok" if self.is_met else "TOO SLOW"
+        found, limit = (in_units(x) for x in (self.seconds, self.limit))
+        return f"{self.what:44} {found:>10} {limit:>10}  {verdict:8}  {self.beside}".rstrip()
+
+    @property
+    def is_met(self) -> bool:
+        return self.seconds < self.limit
+
+
+def in_units(seconds: float) -> str:
+    return f"{seconds:.3f} s" if seconds > 1e-3 else f"{seconds * 1e6:.2f} us"
+
+
+def best(call: Callable[[], object], repeat: int) -> float:
+    """Shortest of *repeat* calls [s]."""
+    times: list[float] = []
+    for _ in range(repeat):
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return min(times)
 
 
 def free(n: int) -> Program:
@@ -39,8 +78,15 @@ def free(n: int) -> Program:
     return cramer_program(system_of(planar_chain(n), angles, [phi]))
 
 
-def naive(n: int, done: multiprocessing.Event) -> None:
-    """The real 2n x 2n Cramer's rule with sympy's determinants, as one would write it first."""
+def one_joint(n: int) -> Program:
+    return one_joint_program(planar_chain(n))
+
+
+# --- sympy as one would write it first --------------------------------------------------------
+
+
+def naive(n: int, done: Event) -> None:
+    """The real 2n x 2n Cramer's rule with sympy's determinants."""
     phi = sp.symbols(f"phi:{n * n}", real=True)
     m, a = sp.symbols(f"m:{n}"), sp.Matrix(sp.symbols(f"a:{2 * n}"))
     rows: list[list[sp.Expr]] = []
@@ -70,17 +116,38 @@ def naive_seconds(n: int, limit: float) -> str:
     if process.is_alive():
         process.kill()
         process.join()
-    return f"{time.perf_counter() - start:.2f}" if done.is_set() else f"> {limit:.0f}"
+    seconds = time.perf_counter() - start
+    return f"naive sympy {seconds:.2f} s" if done.is_set() else f"naive sympy > {limit:g} s, ended"
 
 
-def best(call: Callable[[], object], repeat: int) -> float:
-    """Shortest of *repeat* calls [s]."""
-    times: list[float] = []
-    for _ in range(repeat):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return min(times)
+# --- how long derivations take ----------------------------------------------------------------
+
+
+def derivations(limit: float) -> Iterator[Row]:
+    free(2)  # the first derivation pays for sympy's own start
+    for n, wanted in ((3, 0.2), (6, 1.0), (10, 5.0)):
+        beside = ""
+        if limit:
+            beside = naive_seconds(n, limit) if n == 3 else "naive sympy not tried: n = 3 is enough"
+        for language, written in (("Python", to_python), ("C", to_c)):
+            seconds = best(lambda n=n, written=written: written(free(n)), 3)
+            yield Row(f"free configurations, n = {n}, {language}", seconds, wanted, beside)
+            beside = ""
+    for language, written in (("Python", to_python), ("C", to_c)):
+        seconds = best(lambda written=written: written(one_joint(50)), 3)
+        yield Row(f"one joint at a time, n = 50, {language}", seconds, 1.0)
+
+
+def compilations(folder: Path) -> Iterator[Row]:
+    for n in (6, 10):
+        source = folder / f"free_{n}.c"
+        source.write_text(to_c(free(n)))
+        command = ["gcc", *STRICT, "-c", source, "-o", folder / "made.o"]
+        seconds = best(lambda command=command: subprocess.run(command, check=True), 2)
+        yield Row(f"gcc -O2, free configurations, n = {n}", seconds, 5.0)
+
+
+# --- how fast the generated code is -----------------------------------------------------------
 
 
 def by_numpy(X, Z, phi, m, L, m_u, r_u, l_u, U):
@@ -92,20 +159,18 @@ def by_numpy(X, Z, phi, m, L, m_u, r_u, l_u, U):
     return w.imag, w.real
 
 
-def c_seconds(program: Program, inputs: dict[str, np.ndarray], folder: Path) -> float | None:
+def c_seconds(program: Program, inputs: dict[str, np.ndarray], folder: Path) -> float:
     """Time per call of the compiled C, in a loop inside C."""
-    if shutil.which("gcc") is None:
-        return None
     loop = (
         f"{to_c(program)}\nvoid repeat(int count, const double *X, const double *Z, "
         "const double *phi, const double *m, const double *L, double m_u, double r_u, double l_u, "
         "double U, double *r, double *l, double *d)\n{ int k; for (k = 0; k < count; k++) "
         "link_coms(X, Z, phi, m, L, m_u, r_u, l_u, U + 1e-9 * k, r, l, d); }\n"
     )
-    (folder / "b.c").write_text(loop)
-    library = folder / "b.so"
+    source, library = folder / "b.c", folder / f"b{len(inputs['m'])}.so"
+    source.write_text(loop)
     options = ["-std=c99", "-O2", "-shared", "-fPIC"]
-    subprocess.run(["gcc", *options, folder / "b.c", "-o", library, "-lm"], check=True)
+    subprocess.run(["gcc", *options, source, "-o", library, "-lm"], check=True)
     repeat = ctypes.CDLL(str(library)).repeat
     n = len(inputs["m"])
     arrays = [np.ascontiguousarray(inputs[k], float) for k in ("X", "Z", "phi", "m", "L")]
@@ -114,54 +179,58 @@ def c_seconds(program: Program, inputs: dict[str, np.ndarray], folder: Path) -> 
     numbers = [ctypes.c_double(float(inputs[k])) for k in ("m_u", "r_u", "l_u", "U")]
     arguments = [a.ctypes.data_as(pointer) for a in arrays]
     results = [a.ctypes.data_as(pointer) for a in outputs]
-    return best(lambda: repeat(BATCH, *arguments, *numbers, *results), 20) / BATCH
+    seconds = best(lambda: repeat(BATCH, *arguments, *numbers, *results), 20) / BATCH
+    wanted = np.concatenate(by_numpy(**{**inputs, "U": inputs["U"] + 1e-9 * (BATCH - 1)}))
+    np.testing.assert_allclose(np.concatenate(outputs[:2]), wanted, atol=1e-11)
+    return seconds
 
 
-def main() -> None:
+def speeds(n: int, folder: Path, *, has_gcc: bool) -> Iterator[Row]:
+    program = free(n)
+    function = python_function(program)
+    one = sample_inputs(program.inputs)
+    rng = np.random.default_rng(n)
+    many = {
+        **one,
+        "X": rng.normal(size=(BATCH, n)),
+        "Z": rng.normal(size=(BATCH, n)),
+        "phi": rng.uniform(-1.5, 1.5, (BATCH, n, n)),
+    }
+    if has_gcc:
+        by_hand = best(lambda: by_numpy(**one), 500)
+        yield Row(f"n = {n}: C per call, against numpy", c_seconds(program, one, folder), by_hand)
+    turns = [
+        (best(lambda: function(**many), 1), best(lambda: by_numpy(**many), 1)) for _ in range(100)
+    ]
+    made, by_hand = (min(t) / BATCH for t in zip(*turns, strict=True))
+    slower = sum(ours > theirs for ours, theirs in turns)
+    beside = f"slower in {slower} of {len(turns)} turns"
+    yield Row(f"n = {n}: numpy code per pose, against numpy", made, by_hand, beside)
+
+
+def rows(limit: float, folder: Path) -> Iterator[Row]:
+    has_gcc = shutil.which("gcc") is not None
+    yield from derivations(limit)
+    if has_gcc:
+        yield from compilations(folder)
+    yield from speeds(6, folder, has_gcc=has_gcc)
+    if not has_gcc:
+        print("no gcc here: C was neither compiled nor run")
+
+
+def main() -> int:
     parser = argparse.ArgumentParser()
-    parser.add_argument("--naive", type=float, default=0.0)
+    parser.add_argument("--naive", type=float, default=60.0, metavar="SECONDS")
     limit = parser.parse_args().naive
-    free(2)  # the first derivation pays for sympy's own start
-    print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; seconds")
-    for n, wanted in ((2, None), (3, 0.2), (6, 1.0), (10, 5.0)):
-        code = best(lambda n=n: to_python(free(n)), 1)
-        in_c = best(lambda n=n: to_c(free(n)), 1)
-        text = f"free n = {n:2}: Python {code:.3f}, C {in_c:.3f}, wanted {wanted}"
-        if limit and n <= 3:
-            text += f", naive sympy {naive_seconds(n, limit)}"
-        print(text)
-    code = best(lambda: to_python(one_joint_program(planar_chain(50))), 1)
-    in_c = best(lambda: to_c(one_joint_program(planar_chain(50))), 1)
-    print(f"one joint n = 50: Python {code:.3f}, C {in_c:.3f}, wanted 1.0")
-    for n in (2, 3, 4, 6):
-        program = free(n)
-        function = python_function(program)
-        one = sample_inputs(program.inputs)
-        rng = np.random.default_rng(n)
-        many = {
-            **one,
-            "X": rng.normal(size=(BATCH, n)),
-            "Z": rng.normal(size=(BATCH, n)),
-            "phi": rng.uniform(-1.5, 1.5, (BATCH, n, n)),
-        }
-        numpy_one = best(lambda one=one: by_numpy(**one), 200)
-        # Taken in turns, so that both see the same load.
-        turns = [
-            (
-                best(lambda many=many: by_numpy(**many), 5),
-                best(lambda f=function, many=many: f(**many), 5),
-            )
-            for _ in range(20)
-        ]
-        numpy_many, made_many = (min(t) / BATCH for t in zip(*turns, strict=True))
-        with tempfile.TemporaryDirectory() as folder:
-            made_c = c_seconds(program, one, Path(folder))
-        in_c = "no gcc" if made_c is None else f"{made_c * 1e6:.2f}"
-        print(
-            f"n = {n}, us: C {in_c} per call, numpy {numpy_one * 1e6:.1f} per call; "
-            f"generated numpy {made_many * 1e6:.2f} per pose, numpy solve {numpy_many * 1e6:.2f}"
-        )
+    print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, numpy {np.__version__}")
+    print(f"{'':44} {'found':>10} {'limit':>10}")
+    is_met = True
+    with tempfile.TemporaryDirectory() as folder:
+        for row in rows(limit, Path(folder)):
+            print(row, flush=True)
+            is_met &= row.is_met
+    return 0 if is_met else 1
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

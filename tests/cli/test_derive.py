@@ -5,12 +5,16 @@ from __future__ import annotations
 
 import json
 from importlib.util import find_spec
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from comcal.cli.main import main
+from comcal.robot.description import load_robot
+from comcal.robot.kinematics import place_links
+from comcal.statics.stance import in_stance
 from comcal_sims.robots import biped14, table1
 
 PAPER = """\
@@ -19,6 +23,14 @@ configurations:
   a: [0, 0]
   b: [theta_b, theta_b]
   c: [0, 30 deg]
+"""
+SPATIAL = """\
+format: comcal-configurations/1
+configurations:
+  home: [0, 0, 0]
+  roll: [30 deg, 0, 0]
+  pitch: [0, theta_hip, 0]
+  bent: [0, theta_hip, 45 deg]
 """
 ENGINES = [
     "builtin",
@@ -42,6 +54,15 @@ def paper(tmp_path: Path) -> Path:
     path = tmp_path / "paper.yaml"
     path.write_text(PAPER)
     return path
+
+
+@pytest.fixture(scope="module")
+def spatial(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A robot whose hip joints turn about three axes, and shapes of that hip."""
+    folder = tmp_path_factory.mktemp("spatial")
+    shapes = folder / "shapes.yaml"
+    shapes.write_text(SPATIAL)
+    return biped14.generate(folder / "robot"), shapes
 
 
 def function_of(text: str, name: str):
@@ -95,8 +116,67 @@ def test_a_spatial_robot_is_told_what_statics_cannot_see(
     out = capsys.readouterr().out
     assert "7 combinations of 9 first moments" in out
     assert "2 directions change no total CoM in any pose" in out
-    assert main(["derive", "--robot", str(path)]) == 2
-    assert "5 joints" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("language", ["text", "python", "c", "latex"])
+@pytest.mark.parametrize(
+    ("configurations", "what"),
+    [
+        *product(["one-joint", "free", "file"], ["link-com", "sigma"]),
+        ("one-joint", "rows"),
+    ],
+)
+def test_a_spatial_robot_is_solved_in_every_language(
+    configurations: str,
+    language: str,
+    what: str,
+    spatial: tuple[Path, ...],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path, shapes = spatial
+    chosen = str(shapes) if configurations == "file" else configurations
+    command = ["derive", "--robot", str(path), "--base", "pelvis", "--tip", "l_shin"]
+    command += ["--configurations", chosen, "--what", what, "--format", language]
+    assert main(command) == 0
+    assert len(capsys.readouterr().out.splitlines()) > 30
+
+
+def test_a_spatial_robot_gives_its_own_first_moments(
+    spatial: tuple[Path, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The true CoM of four shapes in, the CoMs of thigh and shank across the pitch axis out."""
+    path, shapes = spatial
+    command = ["derive", "--robot", str(path), "--base", "pelvis", "--tip", "l_shin"]
+    command += ["--configurations", str(shapes), "--format", "python"]
+    assert main(command) == 0
+    first_moments = function_of(capsys.readouterr().out, "first_moments")
+    robot = load_robot(path)
+    roll, hip, knee = (
+        robot.tree.joint_names.index(f"l_{joint}") for joint in ("hip_roll", "hip_pitch", "knee")
+    )
+    q = np.zeros((4, len(robot.tree.joint_names)))
+    q[1, roll], q[2:, hip], q[3, knee] = np.pi / 6, 0.4, np.pi / 4
+    at = place_links(robot.tree, q)
+    at = in_stance(*at.link("pelvis"), at)
+    _, c, misfit, _ = first_moments(com=at.total_com(), theta_hip=0.4)
+    index = robot.tree.link_index
+    leg = robot.tree.descendants[index["l_shin"]] * robot.tree.masses
+    shank = leg @ at.coms[0] / leg.sum() - at.p[0, index["l_shin"]]
+    thigh = at.coms[0, index["l_thigh"]] - at.p[0, index["l_thigh"]]
+    assert c[-4:] == pytest.approx([thigh[2], thigh[0], shank[2], shank[0]], abs=1e-12)
+    assert misfit == pytest.approx(0, abs=1e-12)
+
+
+def test_a_long_spatial_chain_is_for_one_joint_at_a_time(
+    spatial: tuple[Path, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, _ = spatial
+    assert main(["derive", "--robot", str(path), "--format", "python"]) == 0
+    assert "def first_moments(com, q):" in capsys.readouterr().out
+    assert main(["derive", "--robot", str(path), "--configurations", "free"]) == 2
+    error = capsys.readouterr().err
+    assert "5 joints" in error
+    assert "one-joint" in error
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -138,6 +218,7 @@ def test_a_file_is_written_once(tmp_path: Path, capsys: pytest.CaptureFixture[st
         (["--dof", "13", "--configurations", "free"], "one-joint"),
         (["--dof", "2", "--configurations", "nothing.yaml"], "no such file"),
         (["--robot", "nothing.yaml"], "no such file"),
+        (["--dof", "2", "--what", "rows"], "for the chain of a robot"),
     ],
 )
 def test_what_cannot_be_derived_is_refused(

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Equations (34)-(43) of Muscolo et al. (2017), as printed, checked: what is wrong, and only that.
+"""Equations of Muscolo et al. (2017), as printed, checked: what is wrong, and only that.
 
-``muscolo_equations`` holds the transcribed equations. E1 is the sign in (36) and in row 3 of (38),
-which (40), (41) and (43) repeat; E2 is the last entry of (40)-(42).
+``muscolo_equations`` holds (10)-(13) and (34)-(43). E5 is M_2 in (10) and (12); E1 is the sign in
+(36) and in row 3 of (38), which (40), (41) and (43) repeat; E2 is the last entry of (40)-(42).
 """
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,10 @@ EQUATIONS = Path(__file__).parent / "muscolo_equations"
 E1 = ((3, 3), FaultKind.SIGN, "-m_c*c_c", "+m_c*c_c")
 E2 = ((4, 4), FaultKind.SINE_COSINE, "m_c*s_c", "m_c*c_c")
 FAULTS = {
+    10: [(None, FaultKind.EXTRA, "M_Y2", "")],
+    11: [],
+    12: [(None, FaultKind.EXTRA, "M_X2", "")],
+    13: [],
     34: [],
     35: [],
     36: [(None, FaultKind.SIGN, "-r_c*cos(theta_c)", "+r_c*cos(theta_c)")],
@@ -50,6 +55,7 @@ def test_the_printed_equation_has_these_faults_and_no_other(equation):
 def test_with_the_faults_put_right_the_equation_agrees(equation, tmp_path):
     text = (EQUATIONS / f"equation_{equation}.yaml").read_text("utf-8")
     text = text.replace("- r_c*cos(theta_c)", "+ r_c*cos(theta_c)").replace("-m_c*c_c", "m_c*c_c")
+    text = text.replace(" + M_Y2", "").replace(" + M_X2", "")
     lines = text.splitlines()
     if equation in {40, 41, 42}:
         last = next(i for i, line in enumerate(lines) if "a_4" in line)
@@ -76,3 +82,20 @@ def test_the_text_of_a_report():
         "  row 4, column 4, equation_40.yaml:13: sine and cosine exchanged: m_c*s_c; with m_c*c_c "
         "the rest agrees",
     ]
+
+
+def said(equation: int) -> str:
+    """What ``--check`` prints about an equation, but for file and line."""
+    _, verdict, *more = formula_report_lines(check_formula(EQUATIONS / f"equation_{equation}.yaml"))
+    found = [line.strip() for line in more if "corrected:" not in line]
+    where = r"(, )?equation_\d+\.yaml:\d+"
+    lines = [re.sub(where, "", line).removeprefix(": ") for line in found]
+    return "<br>".join(f"`{line}`" for line in lines) or verdict
+
+
+def test_the_table_of_findings_in_the_readme_is_what_the_program_says(root):
+    text = (root / "README.md").read_text("utf-8")
+    rows = re.findall(r"^\| \((\d+)\) \| (.*?) \| (.*?) ?\|$", text, flags=re.M)
+    short = {FaultKind.SIGN: "E1", FaultKind.SINE_COSINE: "E2", FaultKind.EXTRA: "E5"}
+    named = {n: ", ".join(short[kind] for _, kind, *_ in FAULTS[n]) for n in FAULTS}
+    assert rows == [(str(n), said(n), named[n]) for n in FAULTS]

@@ -5,9 +5,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sympy as sp
 
 from comcal.statics.coefficients import coefficients_from_wrench, coefficients_jacobian
-from comcal.statics.two_pose import FootSide, height_gain, total_com
+from comcal.statics.two_pose import (
+    FootSide,
+    determinants,
+    height_gain,
+    known_part,
+    tilt_row,
+    total_com,
+    turned_height,
+)
 from comcal.symbolic.chain import planar_chain
 from comcal.symbolic.coefficients import coefficients_program, total_com_program
 from comcal.symbolic.cofactors import free_factors
@@ -69,6 +78,28 @@ def test_two_pose_formula_agrees_with_the_numeric_one_and_the_truth(seed: int) -
     numeric = total_com(lines, np.array(inputs["m_2"]), inputs["theta"], foot)
     assert found == pytest.approx(numeric, abs=1e-12)
     assert found == pytest.approx(truth, abs=1e-12)
+
+
+def test_the_balance_of_a_tilted_pose_on_symbols_is_the_one_laid_out_in_the_plane() -> None:
+    """Independent of statics: the CoM of foot and tilted rest, put on the line of gravity."""
+    names = "alpha beta m_2 m_u r_u l_u A U l r s c"
+    alpha, beta, m_2, m_u, r_u, l_u, A, U, l_w, r_w, s, c = sp.symbols(names)
+    m_w = m_2 - m_u
+    x = (m_u * r_u + m_w * (A + r_w * c + l_w * s)) / m_2
+    z = (m_u * l_u + m_w * (U + l_w * c - r_w * s)) / m_2
+    known = known_part(m_2, FootSide(m_u, r_u, l_u, A, U))
+    p, q, a = tilt_row((alpha, beta), known, (s, c))
+    rest = (m_w * l_w / m_2, m_w * r_w / m_2)
+    assert sp.expand(p * rest[0] + q * rest[1] - a - (x - alpha - beta * z)) == 0
+    assert sp.expand(turned_height(known, rest, (s, c)) - z) == 0
+
+
+def test_the_determinants_are_those_that_sympy_solves_with() -> None:
+    p_1, q_1, a_1, p_2, q_2, a_2, l_w, r_w = sp.symbols("p_1 q_1 a_1 p_2 q_2 a_2 l_w r_w")
+    found = sp.solve([p_1 * l_w + q_1 * r_w - a_1, p_2 * l_w + q_2 * r_w - a_2], [l_w, r_w])
+    D_l, D_r, D = determinants((p_1, q_1, a_1), (p_2, q_2, a_2))
+    assert sp.cancel(D_l / D - found[l_w]) == 0
+    assert sp.cancel(D_r / D - found[r_w]) == 0
 
 
 @pytest.mark.parametrize("seed", range(4))

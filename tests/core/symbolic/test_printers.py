@@ -18,14 +18,17 @@ from comcal.symbolic.coefficients import coefficients_program, total_com_program
 from comcal.symbolic.cofactors import free_factors
 from comcal.symbolic.cramer import cramer_program
 from comcal.symbolic.infix import Infix
+from comcal.symbolic.latex_text import prose, tight
 from comcal.symbolic.nullspace import spatial_program
 from comcal.symbolic.one_joint import one_joint_program
-from comcal.symbolic.program import Program, Steps
+from comcal.symbolic.program import Output, Program, Steps, scalar
 from comcal.symbolic.samples import sample_inputs
 from comcal.symbolic.sigma import sigma_program
 from comcal.symbolic.spatial import chain_from_axes
 from comcal.symbolic.system import free_angles, system_of
-from comcal.symbolic.to_c import to_c
+from comcal.symbolic.to_c import MOST_OPERATIONS, to_c
+from comcal.symbolic.to_c import NOTATION as C_NOTATION
+from comcal.symbolic.to_c_table import table_body
 from comcal.symbolic.to_latex import to_latex
 from comcal.symbolic.to_python import NOTATION, python_function, to_python
 from comcal.symbolic.to_text import to_text
@@ -85,6 +88,56 @@ def test_generated_c_passes_its_own_test(program: Program, tmp_path: Path) -> No
     assert (run.returncode, run.stdout) == (0, f"{program.name}: ok\n")
 
 
+@pytest.mark.parametrize("n", [7, 8, 9])
+def test_large_c_is_a_table_that_compiles_as_fast_as_any(n: int, tmp_path: Path) -> None:
+    """Written out, ten links take gcc more than a minute; the sums are the same either way."""
+    source = to_c(free(n))
+    assert ("_pairs[" in source) == (n > 7)
+    library = source.split("#ifdef COMCAL_SELF_TEST")[0]
+    assert len(re.findall(r" [-+*/] ", library)) < MOST_OPERATIONS
+    made = compiled(source, tmp_path, "-O1", "-DCOMCAL_SELF_TEST")
+    assert subprocess.run([made], capture_output=True, timeout=20).returncode == 0
+
+
+def test_the_self_test_of_a_table_sees_a_wrong_index(tmp_path: Path) -> None:
+    source = to_c(free(8))
+    wrong = re.sub(r"(_pairs\[\d+\] = \{\n    \d+, )(\d+)", r"\g<1>0", source)
+    assert wrong != source
+    made = compiled(wrong, tmp_path, "-DCOMCAL_SELF_TEST")
+    assert subprocess.run([made], capture_output=True, timeout=20).returncode == 1
+
+
+def test_a_table_adds_subtracts_and_squares_as_the_formula_does(tmp_path: Path) -> None:
+    """Of sums of products of steps only; all else stays an assignment."""
+    x, y = scalar("x", "", "m"), scalar("y", "", "m")
+    steps = Steps()
+    a = steps.let("a", x.symbols[0] + 2, real=True)
+    b = steps.let("b", sp.cos(y.symbols[0]), real=True)
+    squares = steps.let("squares", a**2 - b**2 + a * b, real=True)
+    scaled = steps.let("scaled", 3 * a * b - squares, real=True)
+    mixed = steps.let("mixed", -squares * scaled - a * scaled, real=True)
+    output = Output("z", ("z",), (mixed,), False, "", "m")
+    program = Program("made", "made", (x, y), tuple(steps.done), (output,))
+    body = table_body(program, C_NOTATION, {s: s.name for q in (x, y) for s in q.symbols})
+    assert body is not None
+    assert [
+        re.search(r"sums\(t, (\d), (\d)", line).groups() for line in body.lines if "sums(" in line
+    ] == [
+        ("2", "3"),
+        ("4", "5"),
+    ]
+    (tmp_path / "made.c").write_text(
+        "#include <math.h>\n#include <stdio.h>\n"
+        + body.before
+        + "\nint main(void)\n{\n    const double x = 0.3, y = 0.7;\n"
+        + "\n".join(body.lines)
+        + f'\n    printf("%.17g", {body.names[mixed]});\n    return 0;\n}}\n'
+    )
+    made = compiled((tmp_path / "made.c").read_text(), tmp_path)
+    found = float(subprocess.run([made], capture_output=True, timeout=20, text=True).stdout)
+    assert found == pytest.approx(float(python_function(program)(x=0.3, y=0.7)), rel=1e-14)
+
+
 def test_the_self_test_sees_a_wrong_sign(tmp_path: Path) -> None:
     source = to_c(free(2))
     wrong = source.replace("= f_c_c_re - f_b_c_re", "= f_c_c_re + f_b_c_re")
@@ -109,6 +162,14 @@ def test_generated_python_is_batched_over_leading_axes(program: Program) -> None
         alone = function(**{name: value + step for name, value in one.items()})
         for a, b in zip(together, alone, strict=True):
             assert np.broadcast_to(a, (3, *np.shape(b)))[k] == pytest.approx(b, rel=1e-13)
+
+
+def test_generated_turns_are_exact_at_every_angle() -> None:
+    function = python_function(free(2))
+    code = function.__globals__["_turn"]
+    quarter = np.arange(-8, 9) * (np.pi / 2)
+    angle = np.concatenate([quarter, np.nextafter(quarter, 9), np.linspace(-20, 20, 100_001)])
+    assert np.max(np.abs(code(angle) - np.exp(1j * angle))) < 1e-15
 
 
 def test_generated_python_stands_alone(program: Program) -> None:
@@ -166,3 +227,19 @@ def test_infix_means_what_the_expression_means(value: sp.Expr) -> None:
     found = eval(text, {"np": np}, dict(numbers))
     right = value.subs({sp.Symbol(k, real=True): v for k, v in numbers.items()})
     assert found == pytest.approx(float(right), rel=1e-13)
+
+
+def test_symbols_in_sentences_are_set_as_formulas_and_names_of_links_are_not() -> None:
+    assert prose("S_(n+1) of theta_v, m_b^2 & l_knee about tau, s_v_i.") == (
+        r"$S_{n+1}$ of $\theta_{v}$, $m_{b}^2$ \& l\_knee about $\tau$, $s_{vi}$."
+    )
+    assert prose("z + I x: 50 %") == r"$z + \mathrm{j}x$: 50 \%"
+
+
+def test_parentheses_of_functions_are_tight_and_match() -> None:
+    value = sp.sin(x + sp.cos(y / 2)) ** 2 * (x + 1) / (y * (z + sp.sin(x)))
+    text = tight(sp.latex(value))
+    assert r"\sin^{2}\bigl(" in text
+    assert not re.search(r"\\left|\\right|(?:sin|cos)(?:\^\{2\})?\{", text)
+    assert text.count("(") == text.count(")")
+    assert text.count("{") == text.count("}")

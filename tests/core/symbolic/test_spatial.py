@@ -80,11 +80,6 @@ def test_the_rows_of_enough_poses_give_the_combinations(name: str) -> None:
     assert solved == pytest.approx(truth, abs=1e-9)
 
 
-def test_a_long_spatial_chain_is_refused() -> None:
-    with pytest.raises(UsageError, match="5 joints"):
-        visible(chain_from_axes([[0, 1, 0], [0, 0, 1]] * 2 + [[1, 0, 0]], [[0, 0, 0.1]] * 5))
-
-
 @pytest.fixture(scope="module")
 def biped(tmp_path_factory: pytest.TempPathFactory) -> Robot:
     folder = tmp_path_factory.mktemp("table1")

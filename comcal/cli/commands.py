@@ -43,8 +43,14 @@ SUBCOMMANDS: dict[str, Subcommand] = {
     "generate": Subcommand(
         "comcal.cli.generate:generate_command", "Write a generated robot with its pose plan."
     ),
+    "init": Subcommand("comcal.cli.init:init_command", "Write a commented robot.yaml from a URDF."),
     "check": Subcommand(
         "comcal.cli.check:check_command", "Say what comcal understands of a robot.yaml."
+    ),
+    "plan": Subcommand(
+        "comcal.cli.plan:plan_command",
+        "Choose balanced poses that tell most, and predict the accuracy they give.",
+        saved="nothing was left behind",
     ),
     "record": Subcommand(
         "comcal.cli.record:record_command",
@@ -59,6 +65,17 @@ SUBCOMMANDS: dict[str, Subcommand] = {
     "solve": Subcommand(
         "comcal.cli.solve:solve_command",
         "Total CoM and CoM of each link from a session, with intervals and a verdict.",
+    ),
+    "verify": Subcommand(
+        "comcal.cli.verify:verify_command",
+        "Predict measured poses with a given URDF, nothing fitted: mm and a verdict.",
+    ),
+    "export": Subcommand(
+        "comcal.cli.export:export_command",
+        "Hand the calibrated robot back as URDF, YAML and C.",
+    ),
+    "compare": Subcommand(
+        "comcal.cli.compare:compare_command", "Say what changed between two calibrations."
     ),
     "derive": Subcommand(
         "comcal.cli.derive:derive_command",

@@ -39,11 +39,23 @@ if TYPE_CHECKING:
     help="The robot never stood still: take the slowest windows, spread over the postures, and "
     "add the error of the neglected inertia.",
 )
+@click.option(
+    "--from", "start", type=float, metavar="T", help="Leave out what was logged before [s]."
+)
+@click.option(
+    "--to", "end", type=float, metavar="T", help="Leave out what was logged from then on [s]."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the outcome as JSON, nothing else.")
 def import_command(
-    file: Path, map_path: Path, directory: Path, quasi_static: bool, as_json: bool
+    file: Path,
+    map_path: Path,
+    directory: Path,
+    quasi_static: bool,
+    start: float | None,
+    end: float | None,
+    as_json: bool,
 ) -> None:
-    """Make a session of a logger's CSV FILE.
+    """Make a session of a logger's CSV FILE, plain or compressed by gzip.
 
     Each row is a pose, unless MAP.yaml declares still windows or a column of pose numbers. Numbers
     that cannot be right (units, signs, not still, gaps) are refused, and then nothing is left
@@ -55,7 +67,10 @@ def import_command(
     """
     from comcal.workflow.import_ import import_as_json, import_log
 
-    outcome = import_log(file, map_path, directory, quasi_static=quasi_static)
+    between = None
+    if start is not None or end is not None:
+        between = (-math.inf if start is None else start, math.inf if end is None else end)
+    outcome = import_log(file, map_path, directory, quasi_static=quasi_static, between=between)
     if as_json:
         click.echo(json.dumps(import_as_json(outcome), indent=2))
         return

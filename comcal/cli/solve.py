@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from comcal.cli.pose_list import pose_numbers
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -46,13 +48,25 @@ EXIT_UNUSABLE, EXIT_LIMIT = 3, 5
     help="Find the offsets of the force sensors together with the CoMs.",
 )
 @click.option(
+    "--prior",
+    type=float,
+    metavar="STRENGTH",
+    help="Show beside it what data and CAD say together; 1 takes robot.yaml: tolerances as stated.",
+)
+@click.option(
+    "--consistent",
+    is_flag=True,
+    help="Show beside it the nearest robot with positive masses and CoMs inside their links.",
+)
+@click.option(
     "--drop", multiple=True, type=int, metavar="POSE", help="Leave a pose out. Repeatable."
 )
 @click.option(
     "--held-out",
     metavar="POSES",
     default="",
-    help="Chains without URDF: poses to predict instead of fitting them, as 4,7,8.",
+    help="Poses to predict instead of fitting them, as 4,7,31-60; without it, a robot with a URDF "
+    "is cross-validated.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print result.json, and nothing else.")
 def solve_command(
@@ -63,6 +77,8 @@ def solve_command(
     no_currents: bool,
     free_masses: bool,
     unknown_tares: bool,
+    prior: float | None,
+    consistent: bool,
     drop: tuple[int, ...],
     held_out: str,
     as_json: bool,
@@ -71,7 +87,8 @@ def solve_command(
 
     DIR holds robot.yaml, its URDF and poses.csv: made by record or import, or by hand. Written are
     DIR/results/NNN/result.json and used.csv; nothing is overwritten. Exit code 0: passed, or no
-    limits are set; 3: the poses do not determine any link; 5: a limit is not met.
+    limits are set; 3: the poses do not determine any link, or no robot is physically possible; 5:
+    a limit is not met. What --prior and --consistent assume is marked, and never exported.
 
     \b
     Example:
@@ -88,18 +105,24 @@ def solve_command(
     if is_chain(session):
         from comcal.cli.solve_chain import solve_chain
 
-        if as_published or masses or free_masses or unknown_tares or method != "both":
+        assumed = prior is not None or consistent
+        other = free_masses or unknown_tares or assumed
+        if as_published or masses or other or method != "both":
             raise click.UsageError(
-                "--as-published, --masses, --free-masses, --unknown-tares and --method need a "
-                "robot with a URDF"
+                "--as-published, --masses, --free-masses, --unknown-tares, --prior, --consistent "
+                "and --method need a robot with a URDF"
             )
         return solve_chain(session, drop, held_out, as_json)
-    if held_out:
-        raise click.UsageError(
-            "--held-out is for chains without URDF; solve cross-validates others"
-        )
     scope = Scope(not no_currents, free_masses, unknown_tares)
-    solved = solve_session(session, Method(method), drop, scope)
+    solved = solve_session(
+        session,
+        Method(method),
+        drop,
+        scope,
+        strength=prior,
+        consistent=consistent,
+        held_out=pose_numbers(held_out, "--held-out"),
+    )
     calibration = solved.calibration
     if as_json:
         click.echo(json.dumps(json.loads(solved.files[0].read_text("utf-8")), indent=1))
@@ -114,6 +137,8 @@ def solve_command(
         print_calibration(console, calibration)
         for path in solved.files:
             click.echo(f"wrote {path}")
+    if calibration.consistent is not None and calibration.consistent.theta is None:
+        return EXIT_UNUSABLE
     exits = {Verdict.NOT_IDENTIFIABLE: EXIT_UNUSABLE, Verdict.FAILED: EXIT_LIMIT}
     return exits.get(calibration.verdict, 0)
 

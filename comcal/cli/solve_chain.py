@@ -9,6 +9,8 @@ from pathlib import Path
 
 import click
 
+from comcal.cli.pose_list import pose_numbers
+
 EXIT_UNUSABLE = 3
 
 
@@ -27,10 +29,7 @@ def solve_chain(session: Path, drop: Sequence[int], held_out: str, as_json: bool
     from comcal.workflow.calibrate import input_hashes, load_session, write_result
     from comcal.workflow.human_postures import solve_postures
 
-    try:
-        poses = [int(part) for part in held_out.split(",") if part.strip()]
-    except ValueError:
-        raise click.UsageError(f"--held-out {held_out!r}: give pose numbers as 4,7,8") from None
+    poses = pose_numbers(held_out, "--held-out")
     opened, robot, table = load_session(session, drop)
     result = solve_postures(robot, table, held_out=poses)
     data = {**postures_json(result), "sha256": input_hashes(opened, robot)}

@@ -9,11 +9,14 @@ from enum import Enum
 import numpy as np
 
 from comcal.errors import RankError
+from comcal.identify.consistent import ConsistentFit
 from comcal.identify.difference import RouteDifference, route_difference
 from comcal.identify.groups import groups_of
 from comcal.identify.paper_route import PaperRoute, paper_route
+from comcal.identify.prior import PriorFit
 from comcal.identify.scope import Scope
 from comcal.identify.solution import Solution, solve_all
+from comcal.identify.torque_readings import unused_currents
 from comcal.measure.plan import NONE
 from comcal.measure.table import PoseTable
 from comcal.robot.model import Limits, Robot
@@ -77,6 +80,12 @@ class Calibration:
         that are set were not judged.
     without_torques : Solution or None
         The all-data route from foot wrenches alone, where torques took part.
+    notes : tuple of str
+        What was asked for and could not be used, beside the notes of the table.
+    with_prior : PriorFit or None
+        The all-data route joined with CAD, where that was asked for.
+    consistent : ConsistentFit or None
+        The physically possible robot nearest to it, where that was asked for.
     """
 
     robot: Robot
@@ -89,6 +98,9 @@ class Calibration:
     verdict: Verdict
     reason: str = ""
     without_torques: Solution | None = None
+    notes: tuple[str, ...] = ()
+    with_prior: PriorFit | None = None
+    consistent: ConsistentFit | None = None
 
 
 def calibrate(
@@ -96,6 +108,7 @@ def calibrate(
     table: PoseTable,
     method: Method = Method.BOTH,
     scope: Scope | None = None,
+    held_out: PoseTable | None = None,
 ) -> Calibration:
     """Take both routes (or one) and judge the result by the robot's limits.
 
@@ -106,6 +119,8 @@ def calibrate(
     method : Method
     scope : Scope, optional
         What the all-data route uses and looks for.
+    held_out : PoseTable, optional
+        Poses to predict and not to fit; by default the all-data route cross-validates.
 
     Raises
     ------
@@ -125,10 +140,11 @@ def calibrate(
         )
     solution, without_torques = None, None
     if method is not Method.CRAMER and (measured or _has_torques(robot, table, scope)):
-        solution = solve_all(robot, table, scope)
+        solution = solve_all(robot, table, scope, held_out=held_out)
         used = any(group.layout.torques for group in solution.adjustment.groups)
         if used and measured:
-            without_torques = solve_all(robot, table, replace(scope, torques=False))
+            alone = replace(scope, torques=False)
+            without_torques = solve_all(robot, table, alone, held_out=held_out)
     elif method is Method.LSTSQ:
         raise RankError(
             "the all-data route needs foot wrenches; this session has none of a standing pose",
@@ -160,6 +176,7 @@ def calibrate(
         verdict=verdict,
         reason=reason,
         without_torques=without_torques,
+        notes=tuple(note for note in (unused_currents(robot, table),) if note and scope.torques),
     )
 
 

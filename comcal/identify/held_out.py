@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.special import chdtri
 
 from comcal.identify.adjust import adjust
+from comcal.identify.cut_errors import CutError, cut_errors, summarised
 from comcal.identify.groups import Group
 from comcal.identify.linearise import model_at, without_offsets
 from comcal.identify.unknowns import Unknowns
@@ -39,6 +40,10 @@ class HeldOut:
         Folds without which the rest did not determine everything the whole session does.
     torque_rms : float
         Of joint torques, given the measured foot wrench [N m]; NaN where none is used.
+    cuts : tuple of CutError
+        Sensors that do not carry the robot.
+    chosen : bool
+        The poses were named and not fitted at all, instead of being left out in turn.
     """
 
     com_rms: float
@@ -48,6 +53,64 @@ class HeldOut:
     poses: int
     rank_lost: int
     torque_rms: float = np.nan
+    cuts: tuple[CutError, ...] = ()
+    chosen: bool = False
+
+
+@dataclass
+class _Errors:
+    """Prediction errors, as they are collected."""
+
+    distance: list[Array] = field(default_factory=list[Array])
+    force: list[Array] = field(default_factory=list[Array])
+    moment: list[Array] = field(default_factory=list[Array])
+    torque: list[Array] = field(default_factory=list[Array])
+    cuts: dict[str, list[Array]] = field(default_factory=dict[str, list[Array]])
+
+    def add(self, robot: Robot, unknowns: Unknowns, part: Group, theta: Array) -> None:
+        """Predict the poses of *part* from *theta*."""
+        if not part.rows:
+            return
+        if part.layout.torques:
+            self.torque.append(torque_errors(robot, unknowns, part, theta).ravel())
+        for sensor, error in cut_errors(robot, unknowns, part, theta).items():
+            self.cuts.setdefault(sensor, []).append(error)
+        if not part.layout.hangs:
+            errors = prediction_errors(robot, unknowns, part, theta)
+            for store, error in zip((self.distance, self.force, self.moment), errors, strict=True):
+                store.append(error)
+
+    def summary(self, *, lost: int, chosen: bool) -> HeldOut:
+        """Return the root mean squares."""
+        com_rms = _rms(self.distance)
+        standing = sum(len(part) for part in self.distance)
+        return HeldOut(
+            com_rms=com_rms,
+            com_upper=upper_95(com_rms, standing),
+            force_rms=_rms(self.force),
+            moment_rms=_rms(self.moment),
+            poses=standing,
+            rank_lost=lost,
+            torque_rms=_rms(self.torque),
+            cuts=summarised(self.cuts),
+            chosen=chosen,
+        )
+
+
+def named_error(robot: Robot, unknowns: Unknowns, groups: Sequence[Group], theta: Array) -> HeldOut:
+    """Predict poses that took no part in a fit.
+
+    Parameters
+    ----------
+    groups : sequence of Group
+        Of those poses alone.
+    theta : array, shape (size,)
+        What was fitted to others.
+    """
+    errors = _Errors()
+    for group in groups:
+        errors.add(robot, unknowns, group, theta)
+    return errors.summary(lost=0, chosen=True)
 
 
 def held_out_error(robot: Robot, unknowns: Unknowns, groups: Sequence[Group], rank: int) -> HeldOut:
@@ -68,10 +131,7 @@ def held_out_error(robot: Robot, unknowns: Unknowns, groups: Sequence[Group], ra
     if len(rows) < 2:
         return HeldOut(np.nan, np.nan, np.nan, np.nan, standing, 0)
     folds = min(FOLDS, len(rows))
-    distance: list[Array] = []
-    force: list[Array] = []
-    moment: list[Array] = []
-    torque: list[Array] = []
+    errors = _Errors()
     lost = 0
     for fold in range(folds):
         left_out = set(rows[fold::folds])
@@ -80,22 +140,8 @@ def held_out_error(robot: Robot, unknowns: Unknowns, groups: Sequence[Group], ra
         lost += fit.rank < rank
         for group in groups:
             part = group.select([r in left_out for r in group.rows])
-            if part.rows and part.layout.torques:
-                torque.append(torque_errors(robot, unknowns, part, fit.theta).ravel())
-            if part.rows and not part.layout.hangs:
-                errors = prediction_errors(robot, unknowns, part, fit.theta)
-                for store, error in zip((distance, force, moment), errors, strict=True):
-                    store.append(error)
-    com_rms = _rms(distance)
-    return HeldOut(
-        com_rms=com_rms,
-        com_upper=upper_95(com_rms, standing),
-        force_rms=_rms(force),
-        moment_rms=_rms(moment),
-        poses=standing,
-        rank_lost=lost,
-        torque_rms=_rms(torque),
-    )
+            errors.add(robot, unknowns, part, fit.theta)
+    return errors.summary(lost=lost, chosen=False)
 
 
 def upper_95(com_rms: float, poses: int) -> float:

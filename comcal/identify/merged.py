@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from comcal.identify.unknowns import Unknowns, bodies_of
+from comcal.identify.unknowns import Unknowns, rigid_parts
 from comcal.robot.kinematics import place_links
 from comcal.robot.tree import Array, JointType
 
@@ -74,7 +74,7 @@ def merged_directions(unknowns: Unknowns) -> tuple[Merged, ...]:
 def _moves(unknowns: Unknowns) -> tuple[Array, list[str]]:
     """Return every elementary move as a column: free unknowns first, then those of given bodies."""
     robot = unknowns.robot
-    tree, bodies = robot.tree, bodies_of(robot)
+    tree, bodies = robot.tree, rigid_parts(robot)
     leader = {int(bodies[k]): k for k in unknowns.links}
     given = [int(b) for b in np.unique(bodies) if int(b) not in leader]
     at = place_links(tree, np.zeros((1, len(tree.joint_names))))
@@ -118,7 +118,7 @@ def _merged(unknowns: Unknowns, direction: Array, joints: tuple[str, ...]) -> Me
         why = f"merged across {', '.join(dict.fromkeys(joints))}"
         return Merged(direction, joints, why)
     joint = tree.joints[tree.joint_index[joints[0]]]
-    bodies = bodies_of(unknowns.robot)
+    bodies = rigid_parts(unknowns.robot)
     names = {int(bodies[k]): tree.links[k].name for k in unknowns.links}
     child = names.get(int(bodies[tree.link_index[joint.child]]), joint.child)
     parent = names.get(int(bodies[tree.link_index[joint.parent]]), joint.parent)

@@ -24,7 +24,8 @@ class Scope:
         Look for the mass of every body, not only for that of the whole robot; sensors besides
         those of the feet then count as well.
     unknown_tares : bool
-        Look for the offsets of all force sensors together with the rest.
+        Look for the offsets of force sensors together with the rest: of all but those whose tare
+        is known (session.yaml), which stands with its sigma.
     """
 
     torques: bool = False
@@ -59,5 +60,6 @@ def scoped(robot: Robot, table: PoseTable, scope: Scope) -> tuple[Unknowns, tupl
     if scope.unknown_tares:
         used = {s for g in groups for s in g.carrier.sensors}
         used |= {cut.sensor for g in groups for cut in g.layout.cuts}
+        used -= set(table.tare_cov)
         sensors = tuple(name for name in robot.sensors if name in used)
     return unknowns_of(robot, free_masses=scope.free_masses, offsets=sensors), groups

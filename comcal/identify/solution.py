@@ -11,9 +11,9 @@ from scipy.special import chdtrc
 
 from comcal.identify.adjust import Adjustment, adjust
 from comcal.identify.cad_inputs import CadInputs, cad_inputs
-from comcal.identify.held_out import HeldOut, held_out_error
+from comcal.identify.held_out import HeldOut, held_out_error, named_error
 from comcal.identify.scope import Scope, scoped
-from comcal.identify.unknowns import Unknowns, bodies_of
+from comcal.identify.unknowns import Unknowns, rigid_parts
 from comcal.identify.words import Combination, Unseen, combinations_of, unseen_directions
 from comcal.measure.plan import NONE
 from comcal.measure.table import PoseTable
@@ -115,7 +115,14 @@ class Solution:
     scope: Scope
 
 
-def solve_all(robot: Robot, table: PoseTable, scope: Scope | None = None) -> Solution:
+def solve_all(
+    robot: Robot,
+    table: PoseTable,
+    scope: Scope | None = None,
+    *,
+    links_only: bool = False,
+    held_out: PoseTable | None = None,
+) -> Solution:
     """Fit every pose at once.
 
     Parameters
@@ -124,6 +131,11 @@ def solve_all(robot: Robot, table: PoseTable, scope: Scope | None = None) -> Sol
     table : PoseTable
     scope : Scope, optional
         By default the balance of standing poses, for the mass of the robot and first moments.
+    links_only : bool
+        Leave out what takes most of the time: total CoMs of the poses, directions that they do not
+        determine and the error on held-out poses (then of no pose).
+    held_out : PoseTable, optional
+        Poses to predict and not to fit; by default those of *table* are left out in turn.
 
     Raises
     ------
@@ -140,6 +152,11 @@ def solve_all(robot: Robot, table: PoseTable, scope: Scope | None = None) -> Sol
     combinations = combinations_of(fit)
     mass, mass_sigma = _mass(fit, from_cad)
     in_sums = {name for combination in combinations for name in combination.coefficients}
+    judged = () if links_only else groups
+    if held_out is None:
+        left_out = held_out_error(robot, unknowns, judged, fit.rank)
+    else:
+        left_out = named_error(robot, unknowns, scoped(robot, held_out, scope)[1], fit.theta)
     return Solution(
         adjustment=fit,
         mass=mass,
@@ -148,11 +165,11 @@ def solve_all(robot: Robot, table: PoseTable, scope: Scope | None = None) -> Sol
         poses=tuple(
             _pose(fit, inputs, table, i)
             for i, support in enumerate(table.support)
-            if support != NONE
+            if support != NONE and not links_only
         ),
         combinations=combinations,
-        unseen=unseen_directions(fit),
-        held_out=held_out_error(robot, unknowns, groups, fit.rank),
+        unseen=() if links_only else unseen_directions(fit),
+        held_out=left_out,
         misfit_p=float(chdtrc(fit.dof, fit.chi2)) if fit.dof > 0 else float("nan"),
         scope=scope,
     )
@@ -276,7 +293,7 @@ def _link(fit: Adjustment, k: int, from_cad: Array, in_sums: set[str]) -> LinkCo
         MEASURED if is_seen else COMBINATION if name in in_sums else None
         for is_seen, name in zip(seen, unknowns.names[at], strict=True)
     ]
-    bodies = bodies_of(robot)
+    bodies = rigid_parts(robot)
     return LinkCom(
         link=link.name,
         mass=mass,

@@ -4,7 +4,8 @@
 Each has its own noise, and errors that all poses share: the torque constant (a relative error), the
 offset of the current, and friction. Friction is a band where nobody knows from which side a joint
 came to rest, and one unknown number where the approach is recorded: approached from both sides, it
-cancels.
+cancels. Currents of a robot whose friction nobody states are not used: gearboxes hold newton metres
+that no current shows.
 """
 
 from __future__ import annotations
@@ -19,6 +20,10 @@ from comcal.robot.model import Robot
 from comcal.robot.tree import Array
 from comcal.statics.static_rows import RowLayout
 from comcal.statics.torque_rows import motor_torque_factors
+
+
+FRICTION = "joint_friction"
+"""The tolerance without which currents say nothing about torques."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,7 @@ class TorqueReadings:
         """
         roots: dict[str, Array] = {}
         kinds = {"torque_constant": self.gain, "current_offset": self.offset}
-        kinds["joint_friction"] = self.friction
+        kinds[FRICTION] = self.friction
         for k, joint in enumerate(layout.torques):
             for kind, change in kinds.items():
                 if change[rows, joint].any():
@@ -66,6 +71,18 @@ class TorqueReadings:
                     root[:, layout.torque_columns.start + k, 0] = change[rows, joint]
                     roots[f"{kind} {self.joints[joint]}"] = root
         return roots
+
+
+def unused_currents(robot: Robot, table: PoseTable) -> str:
+    """Return why the motor currents of a session are not used, or an empty string."""
+    if FRICTION in robot.tolerances.other or not robot.motors:
+        return ""
+    if not np.isfinite(table.current).any():
+        return ""
+    return (
+        "motor currents are not used: robot.yaml does not say how much friction they may hide "
+        "(tolerances: joint_friction, in N m; 0 where there is none)"
+    )
 
 
 def torque_readings(robot: Robot, table: PoseTable) -> TorqueReadings:
@@ -79,13 +96,13 @@ def torque_readings(robot: Robot, table: PoseTable) -> TorqueReadings:
     """
     tolerances = robot.tolerances.other
     factor = motor_torque_factors(robot)
-    by_current = table.current * factor
+    by_current = table.current * (factor if FRICTION in tolerances else np.nan)
     measured = np.isfinite(table.torque)
     value = np.where(measured, table.torque, by_current)
     variance = np.where(measured, table.torque_var, table.current_var * factor**2)
     from_current = ~measured & np.isfinite(by_current)
 
-    coulomb = np.where(from_current, float(tolerances.get("joint_friction", 0.0)), 0.0)
+    coulomb = np.where(from_current, float(tolerances.get(FRICTION, 0.0)), 0.0)
     side = np.nan_to_num(table.approach)
     gain = float(tolerances.get("torque_constant", 0.0))
     offset = float(tolerances.get("current_offset", 0.0))

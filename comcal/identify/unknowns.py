@@ -99,7 +99,7 @@ class Unknowns:
     @cached_property
     def body_masses(self) -> Array:
         """Mass of each free body as the URDF has it, at least that of its link, (n,) [kg]."""
-        bodies = bodies_of(self.robot)
+        bodies = rigid_parts(self.robot)
         masses = np.abs(self.robot.tree.masses)
         return np.array([masses[bodies == bodies[k]].sum() for k in self.links])
 
@@ -190,7 +190,7 @@ class Unknowns:
         return slice(start, start + 6)
 
 
-def bodies_of(robot: Robot) -> npt.NDArray[np.intp]:
+def rigid_parts(robot: Robot) -> npt.NDArray[np.intp]:
     """Return the body of every link, shape (n_links,), as the index of the body's first link.
 
     Fixed joints hold a body together; a fixed joint that is a sensor's cut does not.
@@ -228,7 +228,7 @@ def _free_links(robot: Robot) -> Iterator[int]:
     for sensor, below in robot.below_cut.items():
         if any(foot.sensor == sensor for foot in robot.feet.values()):
             given |= below
-    bodies = bodies_of(robot)
+    bodies = rigid_parts(robot)
     for first in np.unique(bodies):
         members = np.flatnonzero((bodies == first) & ~given)
         if members.size and masses[members].sum() > NEGLIGIBLE_MASS * tree.total_mass:

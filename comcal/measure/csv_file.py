@@ -4,21 +4,26 @@
 One dialect, on purpose: UTF-8 (a byte order mark is allowed), cells separated by commas, numbers
 with a decimal point. A file with semicolons or decimal commas is refused and told so, because
 guessing the dialect is how 1,5 becomes 15. Lines that start with ``#`` before the header are
-comments; empty lines are skipped.
+comments; empty lines are skipped. A file compressed by gzip is read as what it holds.
 """
 
 from __future__ import annotations
 
 import csv
+import gzip
 import io
 import math
 import re
+import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from comcal.errors import ComcalError, ConfigError, NotFiniteError
 from comcal.robot.units import LARGEST, NUMBER
+
+GZIP = b"\x1f\x8b"
+"""First bytes of a compressed file."""
 
 NOT_FINITE = re.compile(r"[+-]?(?:nan|na|n/a|null|none|inf|infinity)", re.IGNORECASE)
 
@@ -143,7 +148,7 @@ def read_csv(
     """
     path = Path(path)
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = _unpacked(path, path.read_bytes(), error).decode("utf-8-sig")
     except OSError as problem:
         raise ConfigError(
             f"cannot be read: {problem.strerror}", where=str(path), next_step="check the path"
@@ -164,6 +169,19 @@ def read_csv(
     if not rows:
         raise error("has a header but no rows", where=str(path), next_step="add at least one row")
     return CsvFile(path, header, rows, ends_with_newline, error)
+
+
+def _unpacked(path: Path, content: bytes, error: type[ComcalError]) -> bytes:
+    if not content.startswith(GZIP):
+        return content
+    try:
+        return gzip.decompress(content)
+    except (EOFError, gzip.BadGzipFile, zlib.error) as problem:
+        raise error(
+            f"is compressed, and damaged: {problem}",
+            where=str(path),
+            next_step="copy it again, or unpack it with gunzip to see what is left",
+        ) from problem
 
 
 _EXPORT = "export it as comma-separated UTF-8 text with one header row"

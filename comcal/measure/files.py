@@ -7,6 +7,8 @@ import hashlib
 import os
 from pathlib import Path
 
+from comcal.errors import UsageError
+
 
 def sync_folder(folder: Path) -> None:
     """Make new, renamed and removed names in *folder* survive a power failure."""
@@ -32,6 +34,37 @@ def write_atomically(path: Path, data: bytes) -> None:
         file.flush()
         os.fsync(file.fileno())
     temporary.replace(path)
+    sync_folder(path.parent)
+
+
+def write_new(path: Path, data: bytes) -> None:
+    """Write *data* to a file that must not exist yet; a failure leaves none.
+
+    Parameters
+    ----------
+    path : Path
+    data : bytes
+
+    Raises
+    ------
+    UsageError
+        If there is such a file.
+    """
+    try:
+        with path.open("xb") as file:
+            try:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            except BaseException:
+                path.unlink()
+                raise
+    except FileExistsError as error:
+        raise UsageError(
+            "exists already, and nothing is ever overwritten",
+            where=str(path),
+            next_step="give another name, or move it away",
+        ) from error
     sync_folder(path.parent)
 
 

@@ -13,6 +13,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from comcal.errors import ConfigError, DataError
 from comcal.measure.csv_file import CsvFile, Row, format_cell, read_csv, write_csv
 from comcal.measure.files import sync_folder
@@ -53,6 +55,7 @@ def import_csv(
     *,
     quasi_static: bool = False,
     robot_yaml: Path | str | None = None,
+    between: tuple[float, float] | None = None,
 ) -> Imported:
     """Make a session of a logger's CSV.
 
@@ -68,6 +71,8 @@ def import_csv(
         Take the slowest windows of a continuous log and add the error of the neglected inertia.
     robot_yaml : Path or str, optional
         Instead of the ``robot`` of the map.
+    between : (start, end), optional
+        Only samples from *start* to less than *end*, in the time of the log [s].
 
     Raises
     ------
@@ -89,6 +94,8 @@ def import_csv(
     robot = load_robot(mapped_robot(section, located) if robot_yaml is None else Path(robot_yaml))
     plan = resolve_map(section, located, robot)
     log = convert(read_csv(file, error=DataError), plan)
+    if between is not None:
+        log = log.between(*between)
     notes: tuple[str, ...] = ()
     if quasi_static:
         poses, notes = quasi_static_poses(log, robot, plan)
@@ -98,16 +105,23 @@ def import_csv(
     cells = [[format_cell(pose.cells.get(name)) for name in header] for pose in poses]
     # Lines of the log stand in for those of poses.csv, which does not exist if this is refused.
     rows = tuple(Row(p.line, tuple(line)) for p, line in zip(poses, cells, strict=True))
-    table = pose_table(CsvFile(log.file.path, tuple(header), rows, True, DataError), robot)
+    cells_file = CsvFile(log.file.path, tuple(header), rows, True, DataError)
+    table = pose_table(cells_file, robot, plan.tares)
     check_plausible(table, robot)
-    details: dict[str, object] = {
-        "import": {
-            "log": Path(file).name,
-            "map": Path(map_path).name,
-            "quasi_static": quasi_static,
-            "poses": len(poses),
-        }
+    made: dict[str, object] = {
+        "log": Path(file).name,
+        "map": Path(map_path).name,
+        "quasi_static": quasi_static,
+        "poses": len(poses),
     }
+    if between is not None and np.isfinite(between).any():
+        made["between"] = [x if np.isfinite(x) else None for x in between]
+    details: dict[str, object] = {"import": made}
+    if plan.tares:
+        details["tare"] = {
+            sensor: {"value": list(value), "sigma": list(sigma)}
+            for sensor, (value, sigma) in plan.tares.items()
+        }
     with _beside(directory) as staging:
         session = create_session(staging, robot, source=SOURCE, details=details)
         write_csv(session.poses_csv, header, cells)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -136,7 +136,9 @@ def long_enough(rows: range, where: str, what: str) -> range:
     return rows
 
 
-def averaged(log: LoggerTable, robot: Robot, pose: int, rows: range) -> LogPose:
+def averaged(
+    log: LoggerTable, robot: Robot, pose: int, rows: range, stopped: Collection[str] = ()
+) -> LogPose:
     """Return the means, standard errors and drift of one still window.
 
     Parameters
@@ -147,6 +149,8 @@ def averaged(log: LoggerTable, robot: Robot, pose: int, rows: range) -> LogPose:
         Its number.
     rows : range
         Of the log.
+    stopped : collection of str
+        Force sensors and plates that may have gaps: one that has any gets empty cells.
 
     Raises
     ------
@@ -162,11 +166,14 @@ def averaged(log: LoggerTable, robot: Robot, pose: int, rows: range) -> LogPose:
     t = complete(log, ["t"], rows)[:, 0] if has_time else np.arange(float(len(rows)))
     effective: list[float] = []
     for names in _instruments(log, robot):
+        if known[names[0]].target in stopped and _has_gap(log, names, rows):
+            row |= dict.fromkeys(names)
+            continue
         mean = average(t, complete(log, names, rows))
         effective.append(mean.effective_n)
         for k, name in enumerate(names):
             row[name] = float(mean.mean[k])
-            row[f"se.{name}"] = float(mean.standard_error[k])
+            row[f"se.{name}"] = _with_stated(log, name, rows, float(mean.standard_error[k]))
             if has_time and known[name].family in WITH_MOTION:
                 row[f"sd.{name}"] = float(mean.sd[k])
                 row[f"slope.{name}"] = float(mean.slope[k])
@@ -182,6 +189,17 @@ def averaged(log: LoggerTable, robot: Robot, pose: int, rows: range) -> LogPose:
     if effective:
         row["n"] = round(min(effective))
     return LogPose(log.file.rows[rows[0]].line, row)
+
+
+def _has_gap(log: LoggerTable, names: list[str], rows: range) -> bool:
+    return any(bool(np.isnan(log.numbers[name][list(rows)]).any()) for name in names)
+
+
+def _with_stated(log: LoggerTable, name: str, rows: range, window: float) -> float:
+    """Return the standard error of a window's mean together with one that the map states."""
+    if f"se.{name}" not in log.numbers:
+        return window
+    return float(np.hypot(window, complete(log, [f"se.{name}"], rows).max()))
 
 
 def _instruments(log: LoggerTable, robot: Robot) -> list[list[str]]:

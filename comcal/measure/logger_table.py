@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,30 @@ class LoggerTable:
 
     def __len__(self) -> int:
         return len(self.file.rows)
+
+    def between(self, start: float, end: float) -> LoggerTable:
+        """Return the part from *start* to less than *end* [s], so that parts do not overlap.
+
+        Raises
+        ------
+        MissingColumnError, NotFiniteError, DataError
+            If the time is not mapped, has gaps or does not increase; if no sample is in the part.
+        """
+        t = increasing_time(self)
+        a, b = (int(i) for i in np.searchsorted(t, [start, end]))
+        if a >= b:
+            raise DataError(
+                f"no sample lies between {start:g} s and {end:g} s",
+                where=self.file.path.name,
+                measured=f"the log runs from {t[0]:g} s to {t[-1]:g} s",
+                next_step="give times of the column t, in seconds",
+            )
+        return LoggerTable(
+            replace(self.file, rows=self.file.rows[a:b]),
+            {name: values[a:b] for name, values in self.numbers.items()},
+            {name: words[a:b] for name, words in self.words.items()},
+            None if self.pose is None else self.pose[a:b],
+        )
 
 
 def convert(file: CsvFile, plan: ImportMap) -> LoggerTable:

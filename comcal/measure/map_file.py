@@ -15,21 +15,32 @@
     pose_ids: state                   # a column: rows of equal number are one pose; or neither:
                                       # every row is a pose
     quasi_static: {window: 0.2 s}     # used with --quasi-static
+    tares:                            # unloaded readings, as mapped, and their standard errors
+      l_foot: {value: [0, 0, 21.5 N, 0, 0, 0], sigma: [1, 1, 1, 0.2, 0.2, 0.2]}
 
-A mapped value is ``sign * scale * (number in its unit) + offset``.
+A mapped value is ``sign * scale * (number in its unit) + offset``. A standard error that is given
+(``se.q.neck: 2 deg`` among the constants) comes on top of that of a window: what is assumed instead
+of measured is stated so, with what it may be wrong by.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, cast
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from comcal.errors import ConfigError
-from comcal.measure.columns import WORDS, Column, Family, known_columns
+from comcal.measure.columns import (
+    CHANNELS,
+    WORDS,
+    Column,
+    Family,
+    known_columns,
+    wrench_names,
+)
 from comcal.measure.quasi_static import QuasiStatic
 from comcal.robot.locate import LocatedYaml, read_yaml
 from comcal.robot.model import Robot
@@ -84,6 +95,25 @@ class QuasiStaticSection(_Section):
     per_posture: int = Field(default=QuasiStatic.per_posture, gt=0)
     most: int = Field(default=QuasiStatic.most, gt=0)
     smoothing: Annotated[Seconds, Field(gt=0.0)] = QuasiStatic.smoothing
+    stuck: Annotated[Seconds, Field(gt=0.0)] = QuasiStatic.stuck
+
+
+def _six(value: object) -> tuple[float, ...]:
+    if not isinstance(value, list) or len(cast("list[object]", value)) != len(CHANNELS):
+        raise ConfigError("six numbers are needed: fx, fy, fz [N], tx, ty, tz [N m]")
+    kinds = (Dimension.FORCE,) * 3 + (Dimension.MOMENT,) * 3
+    items = cast("list[object]", value)
+    return tuple(parse_quantity(x, kind) for x, kind in zip(items, kinds, strict=True))
+
+
+SixNumbers = Annotated[tuple[float, ...], BeforeValidator(_six)]
+
+
+class TareSection(_Section):
+    """The unloaded reading of one sensor, before its sense is resolved."""
+
+    value: SixNumbers
+    sigma: SixNumbers
 
 
 class MapSection(_Section):
@@ -96,6 +126,7 @@ class MapSection(_Section):
     windows: list[tuple[Seconds, Seconds]] | None = None
     pose_ids: str | None = None
     quasi_static: QuasiStaticSection = Field(default_factory=QuasiStaticSection)
+    tares: dict[str, TareSection] = Field(default_factory=dict[str, TareSection])
 
 
 @dataclass(frozen=True)
@@ -137,6 +168,8 @@ class ImportMap:
     quasi_static : QuasiStatic
     located : LocatedYaml
         The file, for messages.
+    tares : mapping from sensor or plate to (value, sigma), each six numbers
+        [N, N m].
     """
 
     columns: tuple[MappedColumn, ...]
@@ -145,6 +178,9 @@ class ImportMap:
     pose_ids: str
     quasi_static: QuasiStatic
     located: LocatedYaml
+    tares: Mapping[str, tuple[tuple[float, ...], tuple[float, ...]]] = field(
+        default_factory=dict[str, tuple[tuple[float, ...], tuple[float, ...]]]
+    )
 
 
 def read_map_section(path: Path | str) -> tuple[MapSection, LocatedYaml]:
@@ -197,6 +233,7 @@ def resolve_map(section: MapSection, located: LocatedYaml, robot: Robot) -> Impo
         section.pose_ids or "",
         QuasiStatic(**options.model_dump()),
         located,
+        _tares(section, robot, located),
     )
 
 
@@ -265,6 +302,24 @@ def unit_factor(unit: str, si: str) -> float:
         if si.endswith(rate) and unit.endswith(rate):
             return unit_factor(unit[: -len(rate)].strip(), si[: -len(rate)])
     raise ConfigError(f"{unit!r} is not a unit of {si}", next_step=f"convert the column to {si}")
+
+
+def _tares(
+    section: MapSection, robot: Robot, located: LocatedYaml
+) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
+    names = wrench_names(robot)
+    for name, tare in section.tares.items():
+        if name not in names:
+            raise ConfigError(
+                f"{name!r} is no sensor or plate of this robot",
+                where=located.where("tares", name),
+                next_step=did_you_mean(name, list(names)),
+            )
+        if min(tare.sigma) < 0.0:
+            raise ConfigError(
+                "a standard error is never negative", where=located.where("tares", name)
+            )
+    return {name: (tare.value, tare.sigma) for name, tare in section.tares.items()}
 
 
 def _quantity(value: str | float, si: str) -> float:

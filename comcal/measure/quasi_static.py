@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from comcal.errors import DataError
 from comcal.robot.tree import Array
@@ -21,7 +22,10 @@ HEIGHT_OVER_GRAVITY = 0.1
 """Height of a CoM over g [s^2]: what an angular acceleration does to the centre of pressure, as an
 angle of the body; weighs acceleration against velocity."""
 JITTER = 0.05
-"""Relative irregularity of the sampling interval that a differentiating filter tolerates."""
+"""Relative irregularity of the sampling interval that a differentiating filter tolerates; times
+that scatter by more are interpolated to regular ones."""
+LONGEST_GAP = 5.0
+"""Gaps of so many sampling intervals are not interpolated: the robot may have done anything."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,8 @@ class QuasiStatic:
         Windows kept in all.
     smoothing : float
         Length of the Savitzky-Golay filter that differentiates positions [s].
+    stuck : float
+        A force sensor that repeats all its channels for so long has stopped [s].
     """
 
     window: float = 0.2
@@ -47,6 +53,7 @@ class QuasiStatic:
     per_posture: int = 2
     most: int = 60
     smoothing: float = 0.3
+    stuck: float = 0.2
 
 
 def differentiate(t: Array, q: Array, smoothing: float) -> tuple[Array, Array]:
@@ -55,7 +62,7 @@ def differentiate(t: Array, q: Array, smoothing: float) -> tuple[Array, Array]:
     Parameters
     ----------
     t : array, shape (n,)
-        Regular sampling times [s].
+        Sampling times [s], nearly regular.
     q : array, shape (n, k)
     smoothing : float
         Length of the filter [s], at least five samples; cubic polynomials.
@@ -74,6 +81,10 @@ def differentiate(t: Array, q: Array, smoothing: float) -> tuple[Array, Array]:
     Savitzky, Golay (1964), Anal. Chem. 36(8), 1627.
     """
     dt = float(np.median(np.diff(t))) if t.size > 1 else 0.0
+    if dt > 0.0 and JITTER * dt < np.abs(np.diff(t) - dt).max() < (LONGEST_GAP - 1.0) * dt:
+        regular = t[0] + dt * np.arange(int((t[-1] - t[0]) / dt) + 1)
+        found = differentiate(regular, _interpolated(regular, t, q), smoothing)
+        return _interpolated(t, regular, found[0]), _interpolated(t, regular, found[1])
     if not dt > 0.0 or np.abs(np.diff(t) - dt).max() > JITTER * dt:
         raise DataError(
             "positions are not sampled regularly, so they cannot be differentiated",
@@ -103,6 +114,10 @@ def differentiate(t: Array, q: Array, smoothing: float) -> tuple[Array, Array]:
     return qd, qdd
 
 
+def _interpolated(at: Array, t: Array, values: Array) -> Array:
+    return np.column_stack([np.interp(at, t, column) for column in values.T])
+
+
 def motion_score(qd: Array, qdd: Array) -> Array:
     """Return how far from static each sample is, as an angle [rad], shape (n,).
 
@@ -117,7 +132,13 @@ def motion_score(qd: Array, qdd: Array) -> Array:
 
 
 def slowest_windows(
-    t: Array, q: Array, qd: Array, qdd: Array, labels: tuple[str, ...], options: QuasiStatic
+    t: Array,
+    q: Array,
+    qd: Array,
+    qdd: Array,
+    labels: tuple[str, ...],
+    options: QuasiStatic,
+    usable: npt.NDArray[np.bool_] | None = None,
 ) -> tuple[slice, ...]:
     """Choose the windows that are nearest to static, spread over postures, in order of time.
 
@@ -129,11 +150,13 @@ def slowest_windows(
     labels : tuple of str, length n
         A window never spans two different labels (supports, stances).
     options : QuasiStatic
+    usable : array of bool, shape (n,), optional
+        A window holds no other samples; by default all are.
 
     Raises
     ------
     DataError
-        If the log is shorter than one window.
+        If the log, or every usable stretch of it, is shorter than one window.
     """
     score = motion_score(qd, qdd) ** 2
     total = np.concatenate([[0.0], np.cumsum(score)])
@@ -142,6 +165,9 @@ def slowest_windows(
     ends = np.searchsorted(t, t + options.window * (1.0 - 1e-9))
     whole = (t[-1] - t >= options.window * (1.0 - 1e-9)) & (ends - starts >= 2)
     whole &= changes[np.minimum(ends, t.size) - 1] == changes[starts]
+    if usable is not None:
+        unusable = np.concatenate([[0], np.cumsum(~usable)])
+        whole &= unusable[ends] == unusable[starts]
     starts, ends = starts[whole], ends[whole]
     if not starts.size:
         raise DataError(

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from comcal.errors import ConfigError
 from comcal.measure.columns import CHANNELS
@@ -13,7 +14,9 @@ from comcal.measure.inertia import neglected_wrenches
 from comcal.measure.log_poses import LogPose, averaged, long_enough
 from comcal.measure.logger_table import LoggerTable, complete, increasing_time
 from comcal.measure.map_file import ImportMap
+from comcal.measure.plan import DOUBLE
 from comcal.measure.quasi_static import QuasiStatic, differentiate, slowest_windows
+from comcal.measure.stuck import Stuck, masked, stuck_sensors
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
 
@@ -27,6 +30,9 @@ def quasi_static_poses(
     log: LoggerTable, robot: Robot, plan: ImportMap
 ) -> tuple[list[LogPose], tuple[str, ...]]:
     """Return the slowest windows, their standard errors widened by the neglected inertia.
+
+    A force sensor that has stopped within a window has no reading in it; windows in which it would
+    carry the robot are not taken.
 
     Parameters
     ----------
@@ -74,15 +80,21 @@ def quasi_static_poses(
     qd, qdd = _motion(log, joints, t, q, plan.quasi_static)
     support = log.words.get("support", ("",) * len(log))
     labels = tuple("\n".join(words) for words in zip(*log.words.values(), strict=True)) or support
+    stuck = stuck_sensors(log, robot, t, plan.quasi_static.stuck)
+    usable = ~_carried_by(stuck, robot, support)
+    log = masked(log, robot, stuck)
     poses: list[LogPose] = []
-    for k, window in enumerate(slowest_windows(t, q, qd, qdd, labels, plan.quasi_static), start=1):
+    windows = slowest_windows(t, q, qd, qdd, labels, plan.quasi_static, usable)
+    for k, window in enumerate(windows, start=1):
         part = range(window.start, window.stop)
-        pose = averaged(log, robot, k, long_enough(part, log.where(part[0]), "a window"))
+        rows = long_enough(part, log.where(part[0]), "a window")
+        pose = averaged(log, robot, k, rows, [one.sensor for one in stuck])
         motion = q[window], qd[window], qdd[window]
         poses.append(_with_inertia(pose, robot, support[part[0]], *motion))
     notes = [
         f"quasi-static: {len(poses)} windows of {plan.quasi_static.window:g} s; what inertia does "
-        "is contained in the standard errors"
+        "is contained in the standard errors",
+        *(one.note for one in stuck),
     ]
     dropped = sorted({n.split(".")[0] for n in log.numbers if n.startswith(LEFT_OUT)})
     if dropped:
@@ -105,6 +117,20 @@ def _motion(
     if given["qdd"]:
         qdd = complete(log, names["qdd"], everything)
     return qd, qdd
+
+
+def _carried_by(
+    stuck: Sequence[Stuck], robot: Robot, support: Sequence[str]
+) -> npt.NDArray[np.bool_]:
+    """Return in which samples a sensor that has stopped carries the robot, shape (n,)."""
+    found = np.zeros(len(support), dtype=np.bool_)
+    for one in stuck:
+        feet = {foot.name for foot in robot.feet.values() if foot.sensor == one.sensor}
+        if one.sensor in robot.plates:
+            feet |= set(robot.plates[one.sensor].feet)
+        stands = np.array([bool(feet) and word in (DOUBLE, *feet) for word in support])
+        found |= one.samples & stands
+    return found
 
 
 def _with_inertia(

@@ -9,10 +9,16 @@ from rich.console import Console
 from comcal.identify.calibration import MISFIT, Calibration, Check, Verdict
 from comcal.identify.paper_route import PaperRoute
 from comcal.identify.solution import LinkCom, Solution, sigmas
-from comcal.report.console import PLUS_MINUS, print_lines, print_table
+from comcal.report.consistent import print_consistent
+from comcal.report.console import print_lines, print_table
+from comcal.report.numbers import plus_minus as _pm
+from comcal.report.other_cuts import print_other_cuts
+from comcal.report.prior import print_prior
 from comcal.report.with_torques import print_with_and_without
 
 MM = 1e3
+EXCESS = 2.0
+"""A mass further from the URDF's than this many sigmas is an excess or a lack."""
 _UNIT = {"m": (1e3, "mm"), "kg": (1.0, "kg")}
 
 
@@ -26,7 +32,8 @@ def print_calibration(console: Console, calibration: Calibration, *, full: bool 
     full : bool
         False leaves out the coefficients of single poses and the unseen directions.
     """
-    print_lines(console, (f"note: {note}" for note in calibration.table.notes))
+    notes = (*calibration.table.notes, *calibration.notes)
+    print_lines(console, (f"note: {note}" for note in notes))
     if full:
         _coefficients(console, calibration)
     if calibration.paper is not None:
@@ -37,6 +44,10 @@ def print_calibration(console: Console, calibration: Calibration, *, full: bool 
         print_with_and_without(console, calibration.solution, calibration.without_torques)
     _difference(console, calibration)
     _mass(console, calibration)
+    if calibration.with_prior is not None:
+        print_prior(console, calibration.with_prior)
+    if calibration.consistent is not None:
+        print_consistent(console, calibration.consistent)
     console.print()
     print_verdict(console, calibration)
 
@@ -187,7 +198,8 @@ def _solution(console: Console, solution: Solution, *, full: bool) -> None:
         _heading(console, "Not determined by these poses")
         print_table(console, _by_remedy(solution), ("first moments", "apart from one another"))
     held = solution.held_out
-    _heading(console, "Held-out poses (cross-validated)")
+    how = "named, none of them fitted" if held.chosen else "cross-validated"
+    _heading(console, f"Held-out poses ({how})")
     lines: list[str] = []
     if not np.isnan(held.com_rms):
         lines += [
@@ -205,6 +217,7 @@ def _solution(console: Console, solution: Solution, *, full: bool) -> None:
             "were predicted with values of the URDF"
         )
     print_lines(console, lines)
+    print_other_cuts(console, solution)
 
 
 def _by_remedy(solution: Solution) -> list[tuple[str, str]]:
@@ -286,16 +299,11 @@ def _mass(console: Console, calibration: Calibration) -> None:
         f"{_pm(solution.mass, solution.mass_sigma)} kg measured, {urdf:.3f} kg in the URDF "
         f"({solution.mass - urdf:+.3f} kg)"
     )
-    print_lines(console, [line])
-
-
-def _pm(value: float, sigma: float, factor: float = 1.0) -> str:
-    """Return value and sigma with as many decimals as two digits of sigma need."""
-    value, sigma = value * factor, sigma * factor
-    if not np.isfinite(value):
-        return "-"
-    if not np.isfinite(sigma) or sigma <= 0:
-        return f"{value:.3f}"
-    decimals = int(np.clip(1 - np.floor(np.log10(sigma)), 0, 4))
-    value = round(value, decimals) + 0.0  # without the sign of a zero
-    return f"{value:.{decimals}f}{PLUS_MINUS}{sigma:.{decimals}f}"
+    lines = [line]
+    if urdf > 0.0 and abs(solution.mass - urdf) > EXCESS * solution.mass_sigma:
+        gain = solution.mass / urdf - 1.0
+        lines.append(
+            f"a gain {100 * gain:+.1f} % off, common to the sensors that carry the robot, would "
+            "weigh the same: only a scale tells it from a mass"
+        )
+    print_lines(console, lines)

@@ -13,7 +13,10 @@ from comcal.identify.calibration import Calibration
 from comcal.identify.difference import RouteDifference
 from comcal.identify.paper_route import ConfigurationCom, PaperRoute
 from comcal.identify.solution import LinkCom, Solution, sigmas
-from comcal.robot.tree import Array
+from comcal.report.assumptions_json import consistent_json, prior_json
+from comcal.report.json_numbers import number as _number
+from comcal.report.json_numbers import numbers as _numbers
+from comcal.report.other_cuts import other_cuts_json
 
 FORMAT = "comcal-result/1"
 
@@ -31,6 +34,7 @@ def calibration_json(calibration: Calibration, made_from: Mapping[str, str]) -> 
     result: dict[str, Any] = {
         "format": FORMAT,
         "robot": calibration.robot.name,
+        "fitted": list(calibration.table.pose),
         "verdict": calibration.verdict.value,
         "reason": calibration.reason,
         "checks": [
@@ -56,7 +60,9 @@ def calibration_json(calibration: Calibration, made_from: Mapping[str, str]) -> 
         "difference": _difference(calibration.difference),
         "without_torques": _without_torques(calibration.without_torques),
         "scope": asdict(solution.scope) if solution else None,
-        "notes": list(calibration.table.notes),
+        "with_prior": prior_json(calibration.with_prior) if calibration.with_prior else None,
+        "consistent": consistent_json(calibration.consistent) if calibration.consistent else None,
+        "notes": [*calibration.table.notes, *calibration.notes],
         "sha256": dict(made_from),
     }
     if solution:
@@ -74,14 +80,6 @@ def calibration_json(calibration: Calibration, made_from: Mapping[str, str]) -> 
             "sigma": float(weight.sum() ** -0.5),
         }
     return result
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _numbers(values: Array) -> list[Any]:
-    return [_numbers(v) if np.ndim(v) else _number(float(v)) for v in values]
 
 
 def _coefficients(calibration: Calibration) -> list[dict[str, Any]]:
@@ -207,6 +205,8 @@ def _held_out(solution: Solution | None) -> dict[str, Any] | None:
         "moment_rms": _number(h.moment_rms),
         "torque_rms": _number(h.torque_rms),
         "poses": h.poses,
+        "named": h.chosen,
+        "cuts": other_cuts_json(solution),
     }
 
 

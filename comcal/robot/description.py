@@ -39,13 +39,17 @@ BELOW_CUT_TOLERANCE = 0.01
 _SMALLEST_SOLE = 1e-6
 
 
-def load_robot(path: str | os.PathLike[str]) -> Robot:
+def load_robot(
+    path: str | os.PathLike[str], *, urdf: str | os.PathLike[str] | None = None
+) -> Robot:
     """Read ``robot.yaml`` and the URDF that it names.
 
     Parameters
     ----------
     path : path-like
         The YAML file; ``urdf:`` is taken relative to its folder.
+    urdf : path-like, optional
+        Another URDF to take instead of the one that the file names.
 
     Returns
     -------
@@ -63,7 +67,10 @@ def load_robot(path: str | os.PathLike[str]) -> Robot:
     located = read_yaml(Path(path))
     file = validate_file(located, RobotFile)
     urdf_path: Path | None = None
-    if file.urdf is not None:
+    if urdf is not None and file.urdf is not None:
+        urdf_path = Path(urdf)
+        tree = read_urdf(urdf_path)
+    elif file.urdf is not None:
         urdf_path = located.path.parent / file.urdf
         if not urdf_path.is_file():
             raise ConfigError(

@@ -20,7 +20,7 @@ from comcal.robot.tree import Joint, JointType, Link, Mimic, Tree
 from comcal.robot.tree_order import depth_first
 from comcal.robot.units import LARGEST
 from comcal.robot.urdf_links import read_link
-from comcal.robot.urdf_xml import Element, UrdfXml, read_xml
+from comcal.robot.urdf_xml import Element, UrdfXml, parse_xml, read_xml
 
 _KINDS = {kind.value: kind for kind in JointType}
 _FREE = "floating"
@@ -49,7 +49,33 @@ def read_urdf(path: str | os.PathLike[str]) -> Tree:
     UrdfError
         If the file is missing, is not XML, or does not describe one tree; with file and line.
     """
-    xml = read_xml(Path(path))
+    return _tree(read_xml(Path(path)))
+
+
+def parse_urdf(raw: bytes, name: str) -> Tree:
+    """Read a URDF that is not on disk, such as one about to be written.
+
+    Parameters
+    ----------
+    raw : bytes
+    name : str
+        What the file is called in messages.
+
+    Returns
+    -------
+    Tree
+        As :func:`read_urdf` returns it.
+
+    Raises
+    ------
+    UrdfError
+        As of :func:`read_urdf`.
+    """
+    return _tree(parse_xml(raw, name))
+
+
+def _tree(xml: UrdfXml) -> Tree:
+    """Return the tree that the XML describes."""
     links = {name: read_link(xml, name, element) for name, element in xml.named("link")}
     if not links:
         raise xml.error(xml.root, "the robot has no links")

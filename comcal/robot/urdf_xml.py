@@ -23,6 +23,7 @@ from comcal.robot.units import LARGEST, NUMBER
 
 # Many URDFs call themselves XML 0.0; the parsers of ROS do not look.
 _OLD_DECLARATION = re.compile(rb"\A<\?xml version=[\"']0\.\d[\"']")
+_NEW_DECLARATION = b'<?xml version="1.0"'
 _XACRO = "{http://www.ros.org/wiki/xacro}"
 _INFINITE = {"inf": np.inf, "+inf": np.inf, "-inf": -np.inf}
 
@@ -227,7 +228,23 @@ def read_xml(path: Path) -> UrdfXml:
         raise UrdfError(
             "there is no such URDF file", where=str(path), next_step="check the path `urdf:` names"
         )
-    raw = _OLD_DECLARATION.sub(b'<?xml version="1.0"', raw)
+    return parse_xml(raw, path.name)
+
+
+def current_declaration(raw: bytes) -> bytes:
+    """Return *raw* with the XML version 0.x that many URDFs claim read as 1.0; no byte moves."""
+    return _OLD_DECLARATION.sub(_NEW_DECLARATION, raw)
+
+
+def parse_xml(raw: bytes, name: str) -> UrdfXml:
+    """Parse the bytes of a URDF; *name* is that of the file in messages.
+
+    Raises
+    ------
+    UrdfError
+        If it is not XML, has a DOCTYPE, or its root element is not ``<robot>``.
+    """
+    raw = current_declaration(raw)
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
@@ -239,14 +256,12 @@ def read_xml(path: Path) -> UrdfXml:
         tree = etree.ElementTree(etree.fromstring(raw, parser))
     except etree.XMLSyntaxError as error:
         raise UrdfError(
-            f"not valid XML: {error.msg}", where=f"{path.name}:{error.lineno or 1}"
+            f"not valid XML: {error.msg}", where=f"{name}:{error.lineno or 1}"
         ) from error
     if tree.docinfo.internalDTD is not None:
-        raise UrdfError(
-            "a URDF has no DOCTYPE; entities are not expanded here", where=f"{path.name}:1"
-        )
+        raise UrdfError("a URDF has no DOCTYPE; entities are not expanded here", where=f"{name}:1")
     root = cast("Element", tree.getroot())
-    xml = UrdfXml(path.name, root)
+    xml = UrdfXml(name, root)
     if root.tag != "robot":
         raise xml.error(
             root,
@@ -258,6 +273,6 @@ def read_xml(path: Path) -> UrdfXml:
         raise xml.error(
             macro,
             "this is xacro, a template of a URDF",
-            next_step=f"expand it first: xacro {path.name} > {path.stem}.urdf",
+            next_step=f"expand it first: xacro {name} > {Path(name).stem}.urdf",
         )
     return xml

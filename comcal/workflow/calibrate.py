@@ -7,13 +7,15 @@ import hashlib
 import json
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from comcal.errors import UsageError
 from comcal.identify.calibration import Calibration, Method, calibrate
+from comcal.identify.consistent import consistent_fit
+from comcal.identify.prior import with_prior
 from comcal.identify.scope import Scope
 from comcal.measure.session import Session, open_session
 from comcal.measure.session_poses import session_poses
@@ -57,15 +59,19 @@ def load_session(directory: Path, drop: Sequence[int] = ()) -> tuple[Session, Ro
     session = open_session(directory)
     robot = load_robot(session.robot_yaml)
     table = session_poses(session, robot)
-    missing = [pose for pose in drop if pose not in table.pose]
+    _refuse_absent(table, drop, "drop", session)
+    kept = np.array([pose not in drop for pose in table.pose], dtype=np.bool_)
+    return session, robot, table.select(kept)
+
+
+def _refuse_absent(table: PoseTable, poses: Sequence[int], to_do: str, session: Session) -> None:
+    missing = [pose for pose in poses if pose not in table.pose]
     if missing:
         raise UsageError(
-            f"there is no pose {missing[0]} to drop",
+            f"there is no pose {missing[0]} to {to_do}",
             where=str(session.poses_csv),
             next_step="poses: " + ", ".join(map(str, table.pose)),
         )
-    kept = np.array([pose not in drop for pose in table.pose], dtype=np.bool_)
-    return session, robot, table.select(kept)
 
 
 def solve_session(
@@ -73,6 +79,10 @@ def solve_session(
     method: Method = Method.BOTH,
     drop: Sequence[int] = (),
     scope: Scope | None = None,
+    *,
+    strength: float | None = None,
+    consistent: bool = False,
+    held_out: Sequence[int] = (),
 ) -> Solved:
     """Calibrate a session and write ``results/NNN/result.json`` and ``used.csv``.
 
@@ -84,17 +94,49 @@ def solve_session(
         Pose ids to leave out.
     scope : Scope, optional
         What the all-data route uses and looks for; by default all readings.
+    strength : float, optional
+        Join the all-data route with CAD as well, at this strength.
+    consistent : bool
+        Look for the nearest physically possible robot as well.
+    held_out : sequence of int
+        Pose ids to predict and not to fit; without any, the all-data route cross-validates.
 
     Raises
     ------
     UsageError, DataError
         As of :func:`load_session` and of :func:`~comcal.identify.calibration.calibrate`; nothing is
         written then.
+    MissingExtraError
+        If the convex solver is needed and not installed.
     """
     session, robot, table = load_session(directory, drop)
-    calibration = calibrate(robot, table, method, scope or Scope(torques=True))
+    left_out = None
+    if held_out:
+        _refuse_absent(table, held_out, "hold out", session)
+        is_left_out = np.array([pose in held_out for pose in table.pose], dtype=np.bool_)
+        table, left_out = table.select(~is_left_out), table.select(is_left_out)
+    calibration = calibrate(robot, table, method, scope or Scope(torques=True), left_out)
+    if strength is not None or consistent:
+        calibration = _with_assumptions(calibration, strength, consistent=consistent)
     result = calibration_json(calibration, input_hashes(session, robot))
     return Solved(session, calibration, write_result(session, result))
+
+
+def _with_assumptions(
+    calibration: Calibration, strength: float | None, *, consistent: bool
+) -> Calibration:
+    """Add what is assumed beside what is measured; the measured part stays as it is."""
+    if calibration.solution is None:
+        raise UsageError(
+            "a prior and physical consistency go with the all-data route, which was not taken",
+            next_step="leave out --method cramer, and record poses with a loaded sensor",
+        )
+    fit = calibration.solution.adjustment
+    return replace(
+        calibration,
+        with_prior=None if strength is None else with_prior(fit, strength),
+        consistent=consistent_fit(fit) if consistent else None,
+    )
 
 
 def input_hashes(session: Session, robot: Robot) -> dict[str, str]:

@@ -43,7 +43,14 @@ class ImportOutcome:
     quasi_static: bool
 
 
-def import_log(file: Path, map_path: Path, directory: Path, *, quasi_static: bool) -> ImportOutcome:
+def import_log(
+    file: Path,
+    map_path: Path,
+    directory: Path,
+    *,
+    quasi_static: bool,
+    between: tuple[float, float] | None = None,
+) -> ImportOutcome:
     """Make a session of a log, as its map says.
 
     Parameters
@@ -54,13 +61,15 @@ def import_log(file: Path, map_path: Path, directory: Path, *, quasi_static: boo
         The session folder to make.
     quasi_static : bool
         Choose the slowest windows of a continuous motion.
+    between : (start, end), optional
+        Part of the log that is used [s]; the end is not in it.
 
     Raises
     ------
     UsageError, DataError
         As :func:`comcal.measure.importer.import_csv`; nothing is left behind then.
     """
-    imported = import_csv(file, map_path, directory, quasi_static=quasi_static)
+    imported = import_csv(file, map_path, directory, quasi_static=quasi_static, between=between)
     session = imported.session
     robot = load_robot(session.robot_yaml)
     q = read_poses(session.poses_csv, robot).q

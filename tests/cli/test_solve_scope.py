@@ -14,6 +14,9 @@ import pytest
 
 SCHEMA = json.loads(files("comcal.report").joinpath("result.schema.json").read_text("utf-8"))
 
+TRUSTED = "tolerances: {joint_friction: 0.0, torque_constant: 0.01}"
+"""What lets currents count."""
+
 Run = Callable[..., tuple[int, str, str]]
 
 
@@ -22,8 +25,9 @@ def session(misbuilt, tmp_path: Path) -> Path:
     """A recording with feet, motors and an IMU, some of its poses hanging."""
     copy = tmp_path / "session"
     copy.mkdir()
-    for name in ("robot.yaml", "biped14.urdf"):
-        shutil.copy(misbuilt.fresh / name, copy)
+    shutil.copy(misbuilt.fresh / "biped14.urdf", copy)
+    described = (misbuilt.fresh / "robot.yaml").read_text("utf-8")
+    (copy / "robot.yaml").write_text(f"{described}\n{TRUSTED}\n", "utf-8")
     header, *rows = (misbuilt.fresh / "poses.csv").read_text("utf-8").splitlines()
     hung = [row for row in rows if ",none," in row][:2]
     standing = [row for row in rows if ",none," not in row][::2]
@@ -54,6 +58,14 @@ def test_currents_are_used_and_the_same_without_them_stands_beside(run: Run, ses
     _, text, _ = run("solve", session, "--method", "lstsq")
     assert "What joint torques add to the foot wrenches" in text
     assert "joint torque" in text
+
+
+def test_currents_whose_friction_nobody_states_are_not_used(run: Run, session: Path):
+    described = session / "robot.yaml"
+    described.write_text(described.read_text("utf-8").replace(TRUSTED, ""), "utf-8")
+    result = solved(run, session)
+    assert result["without_torques"] is None
+    assert any("currents are not used" in note for note in result["notes"])
 
 
 def test_free_masses_name_the_sums_that_are_determined(run: Run, session: Path):

@@ -63,9 +63,9 @@ def test_poses_that_were_not_fitted_are_predicted_exactly(biped14, scale_masses)
     model = calibrated_model(biped14.robot, fitted, scale_masses=scale_masses)
     assert model_error(biped14.robot, other).com_rms > 2e-3
     error = model_error(model.robot, other)
-    assert error.com_rms < 2e-6
+    assert error.com_rms < 2e-5
     assert model.masses_written is scale_masses
-    assert (error.force_rms < 1e-3) is scale_masses
+    assert (error.force_rms < 0.1) is scale_masses
 
 
 def test_what_no_pose_speaks_about_keeps_every_digit(biped14) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sigma of a change is right although both calibrations share the robot's deviation from CAD."""
+"""The sigma of a change is right although both calibrations share what CAD is off by."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_unchanged_robots_change_by_their_sigma(biped14) -> None:
     rng = np.random.default_rng(11)
     double = np.array([p.support == "double" for p in biped14.plan])
     pulls: dict[str, list[float]] = {}
-    for _ in range(12):
+    for _ in range(8):
         table = biped14.measure(true_robot=draw_robot(robot, rng))
         few = table.select(double | (np.arange(len(double)) % 3 > 0))
         one, other = (fit_of(robot, biped14.noisy(t, rng)) for t in (table, few))

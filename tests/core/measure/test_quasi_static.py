@@ -189,6 +189,16 @@ def test_irregular_or_short_logs_are_not_differentiated() -> None:
         differentiate(t[:6], q[:6], 0.3)
 
 
+def test_scattered_times_are_interpolated() -> None:
+    rng = np.random.default_rng(5)
+    t = np.arange(0.0, 4.0, 0.01) + rng.uniform(0.0, 0.004, 400)
+    t = np.delete(t, [100, 101])
+    qd, qdd = differentiate(t, np.sin(t)[:, None], 0.3)
+    inner = slice(30, -30)
+    np.testing.assert_allclose(qd[inner, 0], np.cos(t)[inner], atol=3e-3)
+    np.testing.assert_allclose(qdd[inner, 0], -np.sin(t)[inner], atol=3e-2)
+
+
 def test_the_slowest_windows_are_chosen_and_spread_over_postures() -> None:
     t = np.arange(0.0, 20.0, 0.01)
     q = (np.cos(0.6 * t) * 0.5)[:, None]

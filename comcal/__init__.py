@@ -21,13 +21,18 @@ if TYPE_CHECKING:
     from comcal.identify.calibration import Calibration, calibrate
     from comcal.identify.paper_route import PaperRoute
     from comcal.identify.paper_route import paper_route as link_coms
+    from comcal.identify.scope import Scope
     from comcal.identify.solution import Solution
     from comcal.identify.solution import solve_all as identify_links
     from comcal.measure.poses_csv import read_poses
     from comcal.measure.table import PoseTable
     from comcal.robot.description import load_robot
     from comcal.robot.model import Robot
+    from comcal.robot.urdf import read_urdf
     from comcal.statics.coefficients import BalanceCoefficients, balance_coefficients
+    from comcal.statics.com import com_jacobian as tree_com_jacobian
+    from comcal.statics.com import total_com as tree_com
+    from comcal.statics.regressor import static_regressor
     from comcal.statics.two_pose import total_com
     from comcal.symbolic.check_claim import FormulaReport
     from comcal.symbolic.program import Program
@@ -52,6 +57,7 @@ __all__ = [
     "PoseTable",
     "Program",
     "Robot",
+    "Scope",
     "Solution",
     "balance_coefficients",
     "calibrate",
@@ -64,11 +70,15 @@ __all__ = [
     "load_session",
     "python_function",
     "read_poses",
+    "read_urdf",
+    "static_regressor",
     "to_c",
     "to_latex",
     "to_python",
     "to_text",
     "total_com",
+    "tree_com",
+    "tree_com_jacobian",
 ]
 
 _WHERE = {
@@ -82,6 +92,7 @@ _WHERE = {
     "PoseTable": "comcal.measure.table:PoseTable",
     "Program": "comcal.symbolic.program:Program",
     "Robot": "comcal.robot.model:Robot",
+    "Scope": "comcal.identify.scope:Scope",
     "Solution": "comcal.identify.solution:Solution",
     "balance_coefficients": "comcal.statics.coefficients:balance_coefficients",
     "calibrate": "comcal.identify.calibration:calibrate",
@@ -94,11 +105,15 @@ _WHERE = {
     "load_session": "comcal.workflow.calibrate:load_session",
     "python_function": "comcal.symbolic.to_python:python_function",
     "read_poses": "comcal.measure.poses_csv:read_poses",
+    "read_urdf": "comcal.robot.urdf:read_urdf",
+    "static_regressor": "comcal.statics.regressor:static_regressor",
     "to_c": "comcal.symbolic.to_c:to_c",
     "to_latex": "comcal.symbolic.to_latex:to_latex",
     "to_python": "comcal.symbolic.to_python:to_python",
     "to_text": "comcal.symbolic.to_text:to_text",
     "total_com": "comcal.statics.two_pose:total_com",
+    "tree_com": "comcal.statics.com:total_com",
+    "tree_com_jacobian": "comcal.statics.com:com_jacobian",
 }
 """Public name to ``module:attribute``."""
 

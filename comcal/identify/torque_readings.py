@@ -21,7 +21,6 @@ from comcal.robot.tree import Array
 from comcal.statics.static_rows import RowLayout
 from comcal.statics.torque_rows import motor_torque_factors
 
-
 FRICTION = "joint_friction"
 """The tolerance without which currents say nothing about torques."""
 

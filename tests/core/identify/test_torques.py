@@ -90,7 +90,7 @@ def test_estimates_scatter_as_their_covariance_says(scope, biped14):
 
 
 def test_diagonal_weights_fail_the_coverage_line(biped14):
-    """One wrench's noise is in the balance and in every torque row of its leg, one encoder's in all.
+    """One wrench's noise is in the balance and in all torque rows of its leg, an encoder's in all.
 
     What an estimate with diagonal weights scatters by, S being the rows' whole covariance, is
     (A'DA)^-1 A'D S D A (A'DA)^-1; it claims (A'DA)^-1.

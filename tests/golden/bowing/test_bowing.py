@@ -19,8 +19,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from comcal.cli.main import main
-from comcal.identify.held_out import prediction_errors
 from comcal.identify.groups import groups_of
+from comcal.identify.held_out import prediction_errors
 from comcal.identify.mass_refit import MassRefit, refit_masses
 from comcal.identify.solution import Solution, solve_all
 from comcal.identify.unknowns import unknowns_of

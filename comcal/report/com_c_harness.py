@@ -7,12 +7,11 @@ import textwrap
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from comcal.report.com_c_names import comment_block, identifier
 from comcal.report.com_c_terms import number
-from comcal.robot.kinematics import place_links
 from comcal.robot.tree import Array, JointType, Tree
+from comcal.statics.com import com_jacobian, total_com
 
 POSES = 5
 TOLERANCE = 1e-12
@@ -75,47 +74,6 @@ int main(void)
 """
 
 
-def com_jacobian(tree: Tree, q: npt.ArrayLike) -> tuple[Array, Array]:
-    """Return the CoM and its Jacobian from the placed links, sum by sum.
-
-    Parameters
-    ----------
-    tree : Tree
-    q : array, shape (N, n_joints)
-        Joint positions [rad] or [m], in the order of ``tree.joint_names``.
-
-    Returns
-    -------
-    com : array, shape (N, 3)
-        In the root link frame [m].
-    J : array, shape (N, 3, n_joints)
-        d com / d q while the root link stays [m/rad, m/m].
-
-    Notes
-    -----
-    A joint moves what lies beyond it: a x (s - M_j o) / M when it turns, a M_j / M when it slides
-    (Cotton 2008); a joint that mimics another adds its own, times the multiplier.
-    """
-    at = place_links(tree, q)
-    axes, first_moments = at.axes(), tree.masses[:, None] * at.coms
-    J = np.zeros((len(at.p), 3, len(tree.joint_names)))
-    column = {name: j for j, name in enumerate(tree.joint_names)}
-    for k, joint in enumerate(tree.joints, start=1):
-        if not joint.is_movable:
-            continue
-        beyond = tree.descendants[k]
-        mass = tree.masses[beyond].sum()
-        rate = mass * axes[:, k - 1]
-        if joint.kind is not JointType.PRISMATIC:
-            s = first_moments[:, beyond].sum(axis=1)
-            rate = np.cross(axes[:, k - 1], s - mass * at.p[:, k])
-        name, pace = joint.name, 1.0
-        if joint.mimic:
-            name, pace = joint.mimic.joint, joint.mimic.multiplier
-        J[:, :, column[name]] += pace * rate / tree.total_mass
-    return at.total_com(), J
-
-
 def golden_poses(tree: Tree, n: int = POSES) -> Array:
     """Return *n* joint vectors, shape (n, n_joints): zero, then spread without regard to limits."""
     joints = [tree.joints[tree.joint_index[name]] for name in tree.joint_names]
@@ -139,7 +97,7 @@ def com_harness(tree: Tree, name: str, provenance: Sequence[str]) -> str:
     """
     prefix = identifier(name)
     q = golden_poses(tree)
-    com, J = com_jacobian(tree, q)
+    com, J = total_com(tree, q), com_jacobian(tree, q)
     about = f"Test of the centre of mass of {tree.name}: numbers made from the links one by one."
     main = MAIN.format(
         prefix=prefix,

@@ -176,14 +176,13 @@ def regressor(
         d(residual)/d(inputs); needed where tares are unknown.
     """
     layout = layout or RowLayout(balance.carrier, (), (), balance.q.shape[1])
-    by_mass, by_moment = row_regressor(layout, balance, direction)
-    links = list(unknowns.links)
+    by_mass, by_moment = row_regressor(layout, balance, direction, unknowns.links)
     A = np.zeros((len(balance.q), layout.n_rows, unknowns.size))
     if unknowns.free_masses:
-        A[:, :, : unknowns.n_masses] = by_mass[:, :, links]
+        A[:, :, : unknowns.n_masses] = by_mass
     elif layout.balance_rows:
         A[:, 0, 0] = -balance.robot.gravity
-    moments = by_moment[:, :, links].reshape(*A.shape[:2], -1)
+    moments = by_moment.reshape(*A.shape[:2], -1)
     A[:, :, unknowns.n_masses : unknowns.first_offset] = moments
     for sensor in unknowns.offsets:
         inputs, columns = layout.sensor_columns(sensor), unknowns.offset_columns(sensor)

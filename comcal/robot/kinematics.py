@@ -54,13 +54,17 @@ class Placements:
         m = self.tree.masses
         return np.einsum("k,nki->ni", m, self.coms) / m.sum()
 
+    @cached_property
+    def _axes(self) -> Array:
+        local = np.array([j.axis for j in self.tree.joints]).reshape(-1, 3)
+        return apply(self.R[:, 1:], local)
+
     def axes(self) -> Array:
         """Return the axis of every joint (fixed ones zero) in the root frame, (N, n_joints, 3).
 
         A joint's axis does not change with its own angle, so the child frame may express it.
         """
-        local = np.array([j.axis for j in self.tree.joints]).reshape(-1, 3)
-        return apply(self.R[:, 1:], local)
+        return self._axes
 
 
 def place_links(tree: Tree, q: npt.ArrayLike) -> Placements:

@@ -14,7 +14,9 @@ because there the derivatives with respect to joint angles are plain cross produ
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -58,6 +60,11 @@ class Balance:
     wrench_each: Array
     up: Array | None = None
     up_link: int = 0
+
+    @cached_property
+    def motion(self) -> JointMotion:
+        """Which independent joint moves which joint of the tree."""
+        return joint_motion(self.robot.tree)
 
     def select(self, poses: npt.NDArray[np.intp]) -> Balance:
         """Return the balance of some of the poses."""
@@ -160,7 +167,9 @@ def residual(balance: Balance, mass: float, h: Array, masses: Array | None = Non
     return np.concatenate([force[:, None], moment], axis=1)
 
 
-def moment_regressor(balance: Balance, direction: Array) -> Array:
+def moment_regressor(
+    balance: Balance, direction: Array, links: Sequence[int] | None = None
+) -> Array:
     """Return d(residual moment)/d(h_k), shape (N, 3, n_links, 3) [m/s^2]; zero below the cut.
 
     Parameters
@@ -168,9 +177,12 @@ def moment_regressor(balance: Balance, direction: Array) -> Array:
     balance : Balance
     direction : array, shape (N, 3)
         Unit vector of the ground reaction in the root frame; that of *balance* or a steadier one.
+    links : sequence of int, optional
+        Only these links, in this order.
     """
-    A = balance.robot.gravity * (skew(direction)[:, None] @ balance.placements.R)
-    A = A * balance.carrier.carried[:, None, None]
+    at = slice(None) if links is None else list(links)
+    A = (balance.robot.gravity * skew(direction))[:, None] @ balance.placements.R[:, at]
+    A *= balance.carrier.carried[at, None, None]
     return np.swapaxes(A, 1, 2)
 
 
@@ -235,7 +247,7 @@ def input_jacobian(balance: Balance, h: Array, masses: Array | None = None) -> t
     B_FM[:, 1:, 3:] = np.eye(3)
     B_w = np.swapaxes(B_FM[:, None] @ balance.X, 1, 2)
 
-    motion = joint_motion(tree)
+    motion = balance.motion
     beyond = tree.descendants[motion.joint + 1].astype(np.float64)
     axis, origin = at.axes()[:, motion.joint], at.p[:, motion.joint + 1]
     m_beyond = beyond @ ((tree.masses if masses is None else masses) * balance.carrier.carried)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from comcal.robot.frames import cross
 from comcal.robot.tree import Array
-from comcal.statics.balance import Balance, JointMotion, joint_motion, world_plate_slopes
+from comcal.statics.balance import Balance, JointMotion, world_plate_slopes
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Moves:
 def moves_of(balance: Balance) -> Moves:
     """Return the moving joints of a balance, placed."""
     tree, at = balance.robot.tree, balance.placements
-    motion = joint_motion(tree)
+    motion = balance.motion
     return Moves(
         motion=motion,
         axis=at.axes()[:, motion.joint],

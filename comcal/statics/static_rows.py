@@ -8,11 +8,13 @@ are linear in link masses and first moments.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from comcal.measure.plan import NONE
+from comcal.robot.frames import cross
 from comcal.robot.tree import Array
 from comcal.statics.balance import Balance, input_jacobian, moment_regressor, residual
 from comcal.statics.cut_rows import Cut, cut_jacobian, cut_regressor, cut_residual
@@ -192,13 +194,17 @@ def row_jacobian(layout: RowLayout, balance: Balance, cut_wrenches: Array, model
     return B
 
 
-def row_regressor(layout: RowLayout, balance: Balance, direction: Array) -> tuple[Array, Array]:
+def row_regressor(
+    layout: RowLayout, balance: Balance, direction: Array, links: Sequence[int] | None = None
+) -> tuple[Array, Array]:
     """Return d(residual)/d(link masses) and d(residual)/d(first moments).
 
     Parameters
     ----------
     direction : array, shape (N, 3)
         Unit vector up in the root frame; that of *balance* or a steadier one.
+    links : sequence of int, optional
+        Only these links, in this order.
 
     Returns
     -------
@@ -206,20 +212,22 @@ def row_regressor(layout: RowLayout, balance: Balance, direction: Array) -> tupl
     by_moment : array, shape (N, n_rows, n_links, 3)
     """
     g, at, carried = balance.robot.gravity, balance.placements, balance.carrier.carried
-    n, n_links = at.p.shape[:2]
+    chosen = list(range(at.p.shape[1])) if links is None else list(links)
+    n, n_links = len(at.p), len(chosen)
     by_mass = np.zeros((n, layout.n_rows, n_links))
     by_moment = np.zeros((n, layout.n_rows, n_links, 3))
     if not layout.hangs:
-        by_mass[:, 0] = -g * carried
-        arms = np.swapaxes(np.cross(at.p, direction[:, None]), 1, 2)
-        by_mass[:, 1:BALANCE_ROWS] = -g * arms * carried
-        by_moment[:, 1:BALANCE_ROWS] = moment_regressor(balance, direction)
+        by_mass[:, 0] = -g * carried[chosen]
+        arms = np.swapaxes(cross(at.p[:, chosen], direction[:, None]), 1, 2)
+        by_mass[:, 1:BALANCE_ROWS] = -g * arms * carried[chosen]
+        by_moment[:, 1:BALANCE_ROWS] = moment_regressor(balance, direction, chosen)
     for i, cut in enumerate(layout.cuts):
         rows = layout.cut_rows(i)
-        by_mass[:, rows], by_moment[:, rows] = cut_regressor(balance, cut, direction)
+        masses, moments = cut_regressor(balance, cut, direction)
+        by_mass[:, rows], by_moment[:, rows] = masses[:, :, chosen], moments[:, :, chosen]
     if layout.torques:
         joints = list(layout.torques)
-        masses, moments = torque_regressor(balance, moves_of(balance), direction)
+        masses, moments = torque_regressor(balance, moves_of(balance), direction, chosen)
         by_mass[:, layout.torque_rows] = -masses[:, joints]
         by_moment[:, layout.torque_rows] = -moments[:, joints]
     return by_mass, by_moment

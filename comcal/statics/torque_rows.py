@@ -14,6 +14,7 @@ one wrench's error is in all of them: their covariance is full.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -110,13 +111,17 @@ def _load_levers(moves: Moves) -> Array:
     return np.concatenate([by_force, np.where(moves.slides, 0.0, -moves.axis)], axis=-1)
 
 
-def torque_regressor(balance: Balance, moves: Moves, direction: Array) -> tuple[Array, Array]:
+def torque_regressor(
+    balance: Balance, moves: Moves, direction: Array, links: Sequence[int] | None = None
+) -> tuple[Array, Array]:
     """Return d(torque)/d(m_k) and d(torque)/d(h_k) for a given direction of gravity.
 
     Parameters
     ----------
     direction : array, shape (N, 3)
         Unit vector up in the root frame.
+    links : sequence of int, optional
+        Only these links, in this order.
 
     Returns
     -------
@@ -125,15 +130,17 @@ def torque_regressor(balance: Balance, moves: Moves, direction: Array) -> tuple[
         Zero for links not beyond the joint and below the cuts.
     """
     at, g = balance.placements, balance.robot.gravity
-    counted = moves.beyond * balance.carrier.carried
+    chosen = slice(None) if links is None else list(links)
+    counted = (moves.beyond * balance.carrier.carried)[:, chosen]
     along = np.sum(moves.axis * direction[:, None], axis=-1)
     across = np.where(moves.slides, 0.0, cross(direction[:, None], moves.axis))
     by_mass = np.where(
         moves.slides[:, 0, None],
         along[..., None],
-        across @ np.swapaxes(at.p, 1, 2) - np.sum(across * moves.origin, axis=-1)[..., None],
+        across @ np.swapaxes(at.p[:, chosen], 1, 2)
+        - np.sum(across * moves.origin, axis=-1)[..., None],
     )
-    by_moment = np.einsum("nji,nkil->njkl", across, at.R, optimize=True)
+    by_moment = np.einsum("nji,nkil->njkl", across, at.R[:, chosen], optimize=True)
     drive = moves.motion.drive
     return (
         np.einsum("njk,ji->nik", g * by_mass * counted, drive, optimize=True),

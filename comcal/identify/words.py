@@ -20,6 +20,8 @@ SMALL_COEFFICIENT = 0.02
 """... and are, when their plain coefficient against that of the largest part is below this."""
 
 
+MOST_PARTS = 8
+"""Parts of a combination that are spelled out; its coefficients hold all."""
 NEVER_SEEN = 0.02
 """Part of a direction among the seen ones, as noise turns them, that may be no more than noise."""
 
@@ -172,9 +174,12 @@ def _clear_column(rows: Array, pivot: int, best: int, column: int) -> None:
 
 def _sum_in_words(unknowns: Unknowns, row: Array) -> str:
     text = ""
-    for name, c in zip(unknowns.names, row, strict=True):
-        if c:
-            sign = "-" if c < 0 else "+"
-            factor = "" if abs(abs(c) - 1.0) < 0.005 else f"{abs(c):.3g} "
-            text += f" {sign} {factor}{name}" if text else f"{'-' if c < 0 else ''}{factor}{name}"
-    return text
+    parts = np.flatnonzero(row)
+    least = np.sort(np.abs(row * unknowns.scale)[parts])[::-1][:MOST_PARTS][-1]
+    shown = [i for i in parts if abs(row[i] * unknowns.scale[i]) >= least]
+    for name, c in ((unknowns.names[i], float(row[i])) for i in shown):
+        sign = "-" if c < 0 else "+"
+        factor = "" if abs(abs(c) - 1.0) < 0.005 else f"{abs(c):.3g} "
+        text += f" {sign} {factor}{name}" if text else f"{'-' if c < 0 else ''}{factor}{name}"
+    left = len(parts) - len(shown)
+    return f"{text} and {left} smaller parts" if left else text

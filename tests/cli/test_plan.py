@@ -48,8 +48,8 @@ def test_planned_poses_record_and_solve_as_promised(
         for i, sigma in enumerate(link["sigma"])
         if sigma is not None and cov[link["link"]][i][i] is not None
     ]
-    # robot.yaml promises 0.1 N for a pose mean; samples of 0.5 N, averaged, give a third of that.
-    assert 0.2 < np.median(ratios) < 0.5
+    # Most of it is the encoders' scatter from visit to visit, which robot.yaml states.
+    assert 0.8 < np.median(ratios) < 1.2
     assert np.std(ratios) < 0.35 * np.median(ratios)
 
     more = tmp_path / "more.csv"
@@ -83,7 +83,7 @@ def test_supports_the_robot_cannot_do_are_left_out_and_said(
     (tmp_path / "plan.csv").unlink()
     words = ["plan", str(tmp_path / "robot.yaml"), "-n", "2", "--seed", "1"]
     assert main([*words, "-o", str(tmp_path / "plan.csv")]) == 0
-    said = capsys.readouterr().out
+    said = " ".join(capsys.readouterr().out.split())
     assert "no pose was found that stands in support 'left': it is left out" in said
     assert "plan more with -n" in said
 

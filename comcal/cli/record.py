@@ -46,6 +46,20 @@ DEFAULT = StillCriterion()
 @click.option("--seed", type=click.IntRange(min=0), help="Master seed of a simulated source.")
 @click.option("--no-noise", is_flag=True, help="Simulated sources: the engine's own values.")
 @click.option(
+    "--effect",
+    "effects",
+    multiple=True,
+    metavar="NAME@TARGET:KEY=VALUE,...",
+    help="Hide an effect in a simulated robot, e.g. payload@torso:mass=5,com_z=0.2. The truth goes "
+    "to DIR.truth.yaml beside the session. Repeatable.",
+)
+@click.option(
+    "--model",
+    type=click.Path(path_type=Path),
+    metavar="extended.yaml",
+    help="Simulate the robot with these effects.",
+)
+@click.option(
     "--still-sd",
     type=click.FloatRange(min=0, min_open=True),
     default=1e3 * DEFAULT.cop_sd,
@@ -86,6 +100,8 @@ def record_command(
     redo: tuple[int, ...],
     seed: int | None,
     no_noise: bool,
+    effects: tuple[str, ...],
+    model: Path | None,
     still_sd: float,
     still_window: float,
     timeout: float,
@@ -106,8 +122,13 @@ def record_command(
     """
     # Imported late, so that --help does not wait for the engines of half the program.
     from comcal.cli.record_progress import shown_progress
+    from comcal.robot.changes_text import parse_change
+    from comcal.robot.changes_yaml import read_extension
     from comcal.workflow.record import RecordOrder, record_session
+    from comcal.workflow.sealed import truth_path
 
+    known = read_extension(model) if model is not None else ()
+    hidden = (*(entry.change for entry in known), *(parse_change(text) for text in effects))
     order = RecordOrder(
         robot_yaml=robot,
         directory=directory,
@@ -124,6 +145,8 @@ def record_command(
             settle=max(DEFAULT.settle, still_window),
             arrival=arrival,
         ),
+        changes=hidden,
+        argv=tuple(sys.argv[1:]),
     )
     with shown_progress(sys.stderr) as show:
         outcome = record_session(order, show)
@@ -157,4 +180,6 @@ def record_command(
     count = len(summary.recorded) + len(summary.before)
     kept = f", {len(summary.before)} of them before" if summary.before else ""
     click.echo(f"{count} poses in {outcome.session.poses_csv}{kept}")
+    if hidden:
+        click.echo(f"{len(hidden)} effects are hidden in it: {truth_path(directory).name}")
     click.echo(f"next: comcal solve {directory}")

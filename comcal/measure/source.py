@@ -112,6 +112,8 @@ class SourceRequest:
         False switches the sensor adapters' noise, bias and quantisation off (engine values).
     options : mapping
         ``sources.<name>`` of robot.yaml.
+    plan : tuple of PlannedPose
+        All poses of the session, for what counts from the first one; empty where nobody knows.
     """
 
     robot: Robot
@@ -121,3 +123,4 @@ class SourceRequest:
     noise: bool = True
     options: Mapping[str, object] | None = None
     directory: Path | None = None
+    plan: tuple[PlannedPose, ...] = ()

@@ -120,12 +120,7 @@ def _residuals(
 ) -> Iterator[tuple[list[Row], Array]]:
     """Yield blocks of labels and residuals, shape (N, k), of poses in one support."""
     robot = assumed.robot
-    hangs = support == NONE
-    carrier = hanging_carrier(robot) if hangs else carrier_of(robot, support)
-    at = place_links(robot.tree, table.q)
-    standing = None if hangs else standing_at(assumed, table, carrier, at)
-    up, up_link = _up(assumed, table, standing)
-    balance = _balance(assumed, table, carrier, at, standing, up, up_link)
+    balance, carrier, standing = placed(assumed, table, support)
     h = robot.tree.masses[:, None] * robot.tree.coms
     if standing is not None:
         labels = [Row("equilibrium", "", a, "N" if a[0] == "F" else "N m") for a in EQUILIBRIUM]
@@ -156,6 +151,29 @@ def _residuals(
     if standing is not None and robot.imu_link is not None and np.isfinite(table.imu).any():
         labels = [Row("imu", "", "roll", "rad"), Row("imu", "", "pitch", "rad")]
         yield labels, _imu(assumed, table, balance, standing)
+
+
+def placed(
+    assumed: Assumed, table: PoseTable, support: str
+) -> tuple[Balance, Carrier, Standing | None]:
+    """Place poses of one support, with loads from outside among those of the feet.
+
+    Returns
+    -------
+    balance : Balance
+        Gravity points where floor and feet, or the IMU of a hanging robot, say.
+    carrier : Carrier
+        What holds the robot, without the loads from outside.
+    standing : Standing or None
+        None for a hanging robot.
+    """
+    robot = assumed.robot
+    hangs = support == NONE
+    carrier = hanging_carrier(robot) if hangs else carrier_of(robot, support)
+    at = place_links(robot.tree, table.q)
+    standing = None if hangs else standing_at(assumed, table, carrier, at)
+    up, up_link = _up(assumed, table, standing)
+    return _balance(assumed, table, carrier, at, standing, up, up_link), carrier, standing
 
 
 def _up(assumed: Assumed, table: PoseTable, standing: Standing | None) -> tuple[Array, int]:

@@ -38,7 +38,8 @@ def standing_at(assumed: Assumed, table: PoseTable, carrier: Carrier, at: Placem
     """Return the stance frame of poses in one support, of soles that may give way.
 
     A foot that leans against the floor by a small rotation t, in its own sole axes, has the floor's
-    normal at R (1 - t x) e_z instead of R e_z.
+    normal at R (1 - t x) e_z instead of R e_z. It sinks where it is loaded: t = -give M, M the
+    moment of the ground on the robot.
     """
     robot = assumed.robot
     axes: list[Array] = []
@@ -51,7 +52,7 @@ def standing_at(assumed: Assumed, table: PoseTable, carrier: Carrier, at: Placem
         give = assumed.sole_give.get(name)
         if give is not None and foot.sensor is not None and foot.sensor in table.wrench:
             tilt = _moment_at_sole(assumed, table, name, at, R_sole) * give
-            turn = np.stack([-tilt[:, 0], -tilt[:, 1], np.zeros(len(tilt))], axis=1)
+            turn = np.stack([tilt[:, 0], tilt[:, 1], np.zeros(len(tilt))], axis=1)
             R_sole = R_sole @ (np.eye(3) + skew(turn))
         axes.append(R_sole)
         soles.append(p + apply(R, foot.T_link_sole[:3, 3]))

@@ -27,8 +27,11 @@ from comcal.measure.session import (
 )
 from comcal.measure.source import SimulatedSource, SourceRequest
 from comcal.measure.still import StillCriterion
+from comcal.robot.changes import Change, check_changes
+from comcal.robot.changes_text import change_text
 from comcal.robot.description import load_robot
 from comcal.robot.model import Robot
+from comcal.workflow.sealed import SEAL, Truth, refuse_old_truth, reopened_truth, write_truth
 from comcal.workflow.sources import open_source
 
 SEED_BITS = 32
@@ -53,6 +56,10 @@ class RecordOrder:
     noise : bool
         False asks a simulated source for the engine's own values.
     criterion : StillCriterion
+    changes : tuple of Change
+        Effects to hide in a simulated source; what they are stays out of the session folder.
+    argv : tuple of str
+        The command typed, for the truth beside the folder.
     """
 
     robot_yaml: Path
@@ -63,6 +70,8 @@ class RecordOrder:
     seed: int | None = None
     noise: bool = True
     criterion: StillCriterion = field(default_factory=StillCriterion)
+    changes: tuple[Change, ...] = ()
+    argv: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,27 +113,39 @@ def record_session(order: RecordOrder, on_event: OnEvent = ignore) -> RecordOutc
         As :func:`comcal.measure.recorder.record`.
     """
     robot = load_robot(order.robot_yaml)
+    check_changes(order.changes, robot)
     plan_path = order.plan or order.robot_yaml.parent / "plan.csv"
     plan = read_plan(plan_path, robot.tree.joint_names)
     is_resumed = is_session(order.directory)
+    truth: Truth | None = None
     # Everything that can be refused is refused before the source, perhaps a robot, is touched.
     if is_resumed:
-        order = _resumed(order, robot)
+        order, truth = _resumed(order, robot)
     elif order.redo:
         raise UsageError(
             "there is nothing to measure again yet",
             where=str(order.directory),
             next_step="record it first, without --redo",
         )
+    else:
+        refuse_old_truth(order.directory)
     seed = secrets.randbits(SEED_BITS) if order.seed is None else order.seed
-    with _opened(order, robot, seed) as source:
+    begins = order.changes and truth is None
+    if begins:
+        truth = Truth(seed, order.changes, argv=order.argv)
+    with _opened(order, robot, seed, plan) as source:
+        details: dict[str, object] = {"engine": source.name, "noise": order.noise}
+        if truth is not None:
+            details[SEAL] = truth.seal()
         session = create_session(
             order.directory,
             robot,
             source=order.source,
-            seed=seed,
-            details={"engine": source.name, "noise": order.noise},
+            seed=seed if truth is None else None,
+            details=details,
         )
+        if begins and truth is not None:
+            write_truth(order.directory, truth)
         on_event(SourceOpened(order.source, source.name, seed, is_resumed))
         with session.lock():
             if not session.note_input(plan_path):
@@ -135,10 +156,11 @@ def record_session(order: RecordOrder, on_event: OnEvent = ignore) -> RecordOutc
     return RecordOutcome(session, summary, source.name, seed)
 
 
-def _resumed(order: RecordOrder, robot: Robot) -> RecordOrder:
-    """Return the order with the seed of the session, after checking that it is the same work."""
+def _resumed(order: RecordOrder, robot: Robot) -> tuple[RecordOrder, Truth | None]:
+    """Return the order with the seed of the session, and what it hides, if it is the same work."""
     session = open_session(order.directory)
-    check_same_experiment(session, robot, order.source, order.seed)
+    truth = reopened_truth(order.directory, session.metadata, order.changes, order.seed)
+    check_same_experiment(session, robot, order.source, order.seed if truth is None else None)
     noise = session.metadata.get("noise")
     if noise != order.noise:
         raise UsageError(
@@ -146,10 +168,12 @@ def _resumed(order: RecordOrder, robot: Robot) -> RecordOrder:
             where=str(order.directory),
             next_step=f"{'leave out' if noise else 'add'} --no-noise, or give a new folder with -s",
         )
-    return replace(order, seed=session.seed)
+    return replace(order, seed=session.seed if truth is None else truth.seed), truth
 
 
-def _opened(order: RecordOrder, robot: Robot, seed: int) -> SimulatedSource:
+def _opened(
+    order: RecordOrder, robot: Robot, seed: int, plan: tuple[PlannedPose, ...]
+) -> SimulatedSource:
     name, _, argument = order.source.partition(":")
     options = robot.sources.get(name)
     return open_source(
@@ -158,9 +182,11 @@ def _opened(order: RecordOrder, robot: Robot, seed: int) -> SimulatedSource:
             robot=robot,
             seed=seed,
             argument=argument,
+            effects=tuple(change_text(change) for change in order.changes),
             noise=order.noise,
             options=options,
             directory=order.directory,
+            plan=plan,
         ),
     )
 

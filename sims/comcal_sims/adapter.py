@@ -11,8 +11,12 @@ import numpy as np
 
 from comcal.errors import ConfigError
 from comcal.measure.source import Block
+from comcal.robot.changes import Change
 from comcal.robot.model import Robot, Sense
 from comcal.robot.tree import Array
+from comcal_sims.climate import Climate
+from comcal_sims.faults.mistakes import Mistakes
+from comcal_sims.faults.sensors import MotorFaults, WrenchFaults
 from comcal_sims.world import WorldState
 
 
@@ -99,9 +103,20 @@ class SensorAdapter:
     errors : SensorErrors
     seed : int
         Master seed of the session.
+    changes : sequence of Change
+        Effects on the readings; others are left to the world.
+    climate : Climate or None
+        Temperature of the sensors; None: nobody measures it.
     """
 
-    def __init__(self, robot: Robot, errors: SensorErrors, seed: int) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        errors: SensorErrors,
+        seed: int,
+        changes: Sequence[Change] = (),
+        climate: Climate | None = None,
+    ) -> None:
         self._robot = robot
         self._errors = errors
         self._seed = seed
@@ -111,6 +126,10 @@ class SensorAdapter:
             * session.standard_normal(6)
             for name in robot.sensors
         }
+        self._climate = climate
+        self._sensors = {name: WrenchFaults(changes, name) for name in robot.sensors}
+        self._motors = MotorFaults(robot, changes)
+        self._mistakes = Mistakes(robot, changes)
         self.begin(0)
 
     def begin(self, pose: int) -> None:
@@ -124,6 +143,9 @@ class SensorAdapter:
         self._rng = np.random.default_rng(np.random.SeedSequence([self._seed, pose % 2**64]))
         n_joints = len(self._robot.tree.joint_names)
         self._encoder_error = self._errors.encoder * self._rng.standard_normal(n_joints)
+        for sensor in self._sensors.values():
+            sensor.begin()
+        self._mistakes.begin(pose)
 
     def block(self, t: Array, states: Sequence[WorldState]) -> Block:
         """Return the samples of consecutive states.
@@ -135,25 +157,36 @@ class SensorAdapter:
         states : sequence of WorldState, length n
         """
         errors = self._errors
-        q = np.array([state.q for state in states]) + self._encoder_error
+        at = np.array([s.q if s.encoders is None else s.encoders for s in states])
+        q = at + self._encoder_error
         torques = np.array([state.torques for state in states])
+        motors = np.array(
+            [s.torques if s.motor_torques is None else s.motor_torques for s in states]
+        )
+        warming = np.zeros_like(t) if self._climate is None else self._climate.warming(t)
         factor = self._torque_per_current()
         wrenches = dict[str, Array]()
         for name, sensor in self._robot.sensors.items():
             sign = 1.0 if sensor.sense is Sense.ON_ROBOT else -1.0
             true = sign * np.array([state.wrenches[name] for state in states])
+            true = self._sensors[name].reading(t, true, warming)
             noise = _per_wrench(errors.ft_force, errors.ft_moment)
             step = _per_wrench(errors.ft_force_step, errors.ft_moment_step)
             wrenches[name] = _rounded(self._noisy(true + self._bias[name], noise), step)
         imu = [state.imu for state in states if state.imu is not None]
-        return Block(
+        currents = self._motors.currents(motors, factor, at)
+        block = Block(
             t=t,
             q=_rounded(self._noisy(q, errors.encoder_white), errors.encoder_step),
             wrenches=wrenches,
             torques=self._noisy(np.where(np.isnan(factor), torques, np.nan), errors.torque),
-            currents=self._noisy(torques / factor, errors.current),
+            currents=self._noisy(currents, errors.current),
             imu=self._noisy(np.array(imu), errors.imu) if imu else None,
+            temperatures=None
+            if self._climate is None
+            else {name: self._climate.temperature(t) for name in self._robot.sensors},
         )
+        return self._mistakes.spoil(block)
 
     def _noisy(self, values: Array, deviation: Array | float) -> Array:
         return values + deviation * self._rng.standard_normal(values.shape)

@@ -7,6 +7,7 @@ world's origin. A cut through the tree then carries the sum of the loads on one 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +22,7 @@ from comcal_sims.contact import corner_forces
 from comcal_sims.footing import base_in_world, standing_feet
 from comcal_sims.robots.balance import support_margin
 from comcal_sims.rotations import floor_rotation
-from comcal_sims.world import WorldState
+from comcal_sims.world import Load, Spring, WorldState
 
 
 class BuiltinWorld:
@@ -34,6 +35,8 @@ class BuiltinWorld:
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
+        self._loads: tuple[Load, ...] = ()
+        self._pose: PlannedPose | None = None
         self._state: WorldState | None = None
 
     @property
@@ -52,7 +55,48 @@ class BuiltinWorld:
             If the robot would fall over.
         """
         t = self._state.t if self._state is not None else 0.0
-        self._state = replace(static_state(self._robot, pose), t=t)
+        self._state = replace(static_state(self._robot, pose, self._loads), t=t)
+        self._pose = pose
+
+    def stand(self, robot: Robot) -> None:
+        """Let another robot with the same joints stand there from the next pose on."""
+        self._robot = robot
+
+    def pull(self, loads: Sequence[Load]) -> None:
+        """Let these forces act from the next pose on."""
+        self._loads = tuple(loads)
+
+    @property
+    def stiffest_spring(self) -> float:
+        """Zero: there are no springs here."""
+        return 0.0
+
+    def soften(self, springs: Mapping[str, Spring]) -> None:
+        """Refuse springs.
+
+        Raises
+        ------
+        UsageError
+            If there are any.
+        """
+        if springs:
+            raise UsageError(
+                "this world has no springs",
+                where=self.name,
+                next_step="let the joints follow the torques instead",
+            )
+
+    def command(self, q: Array) -> None:
+        """Put the joints there at once.
+
+        Parameters
+        ----------
+        q : array, shape (n_joints,)
+            [rad] or [m]
+        """
+        if self._pose is None:
+            raise _empty(self.name)
+        self.place(replace(self._pose, q=q))
 
     def advance(self, duration: float) -> None:
         """Let *duration* seconds pass, in which nothing happens."""
@@ -68,15 +112,19 @@ class BuiltinWorld:
             If no pose was placed yet.
         """
         if self._state is None:
-            raise UsageError("the world is empty", where=self.name, next_step="place a pose first")
+            raise _empty(self.name)
         return self._state
 
     def close(self) -> None:
         """Forget the pose."""
-        self._state = None
+        self._state = self._pose = None
 
 
-def static_state(robot: Robot, pose: PlannedPose) -> WorldState:
+def _empty(name: str) -> UsageError:
+    return UsageError("the world is empty", where=name, next_step="place a pose first")
+
+
+def static_state(robot: Robot, pose: PlannedPose, pulls: Sequence[Load] = ()) -> WorldState:
     """Return every wrench and torque of a robot at rest.
 
     Parameters
@@ -85,6 +133,8 @@ def static_state(robot: Robot, pose: PlannedPose) -> WorldState:
     pose : PlannedPose
         Standing feet are put flat on the floor ``R_world_P = Ry(pitch) Rx(roll)`` through the
         world's origin; with support ``none``, or a fixed base, the root link is held level.
+    pulls : sequence of Load
+        Forces besides weight and floor.
 
     Returns
     -------
@@ -109,12 +159,16 @@ def static_state(robot: Robot, pose: PlannedPose) -> WorldState:
     weights = np.zeros((len(tree.links), 3))
     weights[:, 2] = -robot.gravity * tree.masses
     loads = _wrenches_of(coms, weights)
+    for pull in pulls:
+        point = p[pull.link] + R[pull.link] @ pull.point
+        loads[pull.link] += _wrenches_of(point[None], pull.at(point)[None])[0]
     com = tree.masses @ coms / tree.total_mass
     feet = standing_feet(robot, pose.support)
     if feet:
         normal = floor_rotation(pose.floor_roll, pose.floor_pitch)[:, 2]
-        loads += _floor_on_links(tree, feet, R, p, normal, loads.sum(axis=0))
-        _check_balance(tree, feet, R, p, com, pose)
+        carried = loads.sum(axis=0)
+        loads += _floor_on_links(tree, feet, R, p, normal, carried)
+        _check_balance(tree, feet, R, p, _on_floor(carried, normal) if pulls else com, pose)
     else:
         loads[0] -= loads.sum(axis=0)
     return WorldState(
@@ -149,6 +203,12 @@ def _floor_on_links(
     for foot, part in zip(feet, np.split(wrenches, ends[:-1]), strict=True):
         loads[tree.link_index[foot.link]] += part.sum(axis=0)
     return loads
+
+
+def _on_floor(carried: Array, normal: Array) -> Array:
+    """Return where the resultant of all loads pierces the floor through the origin, shape (3,)."""
+    force, moment = carried[:3], carried[3:]
+    return np.cross(normal, moment) / (force @ normal)
 
 
 def _check_balance(

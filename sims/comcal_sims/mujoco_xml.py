@@ -7,7 +7,7 @@ a sensor can sit in, and links without mass or with unphysical inertia do not st
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -40,12 +40,19 @@ ROTOR_INERTIA = 1.0 / 18.6
 """Behind the gear, per kilogram of robot [m^2]. Without it, light links between stiff servos and
 the ground chatter: the integrator and the contact solver see different dampings. At rest it has no
 effect."""
+SWINGING_INERTIA = 0.5
+"""Of a robot about one of its joints, per kilogram [m^2], for the damping of springs."""
 
 _LEAST_MASS = 1e-9
 _LEAST_INERTIA = 1e-6
 
 
-def mujoco_xml(robot: Robot, T_world_base: Array, R_world_floor: Array | None) -> str:
+def mujoco_xml(
+    robot: Robot,
+    T_world_base: Array,
+    R_world_floor: Array | None,
+    springs: Mapping[str, float] | None = None,
+) -> str:
     """Return the text of the MuJoCo model.
 
     Parameters
@@ -56,6 +63,8 @@ def mujoco_xml(robot: Robot, T_world_base: Array, R_world_floor: Array | None) -
         Where the root link starts, or stays if there is no floor.
     R_world_floor : array, shape (3, 3), or None
         Floor through the world's origin; None: the root link is nailed to the world.
+    springs : mapping from joint name to float
+        Stiffness of joints that are softer than their servos [N m/rad].
 
     Notes
     -----
@@ -90,7 +99,9 @@ def mujoco_xml(robot: Robot, T_world_base: Array, R_world_floor: Array | None) -
             joint = robot.tree.joints[k - 1]
             body = _add_body(bodies[robot.tree.parents[k]], k, joint.T_parent_joint)
             if joint.is_movable:
-                _add_servo(body, actuators, joint_name(k - 1), joint, robot.tree.total_mass)
+                stiffness = (springs or {}).get(joint.name)
+                mass = robot.tree.total_mass
+                _add_servo(body, actuators, joint_name(k - 1), joint, mass, stiffness)
             _add_sensors(body, sensors, robot, joint)
         bodies.append(body)
         _add_inertial(body, link)
@@ -138,7 +149,12 @@ def _add_inertial(body: ET.Element, link: Link) -> None:
 
 
 def _add_servo(
-    body: ET.Element, actuators: ET.Element, name: str, joint: Joint, mass: float
+    body: ET.Element,
+    actuators: ET.Element,
+    name: str,
+    joint: Joint,
+    mass: float,
+    spring: float | None,
 ) -> None:
     ET.SubElement(
         body,
@@ -148,14 +164,17 @@ def _add_servo(
         axis=_text(joint.axis),
         armature=repr(ROTOR_INERTIA * mass),
     )
-    stiffness = SERVO_STIFFNESS * mass
+    stiffness = SERVO_STIFFNESS * mass if spring is None else spring
+    damping = SERVO_DAMPING * stiffness
+    if spring is not None:  # so that the whole robot on this spring comes to rest without swinging
+        damping = 2.0 * np.sqrt(stiffness * SWINGING_INERTIA * mass)
     servo = ET.SubElement(
         actuators,
         "position",
         name=name,
         joint=name,
         kp=repr(stiffness),
-        kv=repr(SERVO_DAMPING * stiffness),
+        kv=repr(float(damping)),
     )
     if 0.0 < joint.effort < np.inf:
         servo.set("forcelimited", "true")

@@ -26,6 +26,7 @@ from comcal_sims.conventions import (
 )
 from comcal_sims.pybullet_urdf import bullet_urdf, cut_name
 from comcal_sims.rotations import quaternion_xyzw
+from comcal_sims.world import Load
 
 FRICTION = 1.0
 POSITION_GAIN = 0.3
@@ -118,13 +119,25 @@ class BulletBody:
             info[4],
         )
         p.resetBasePositionAndOrientation(self.id, position, orientation, physicsClientId=client)
+        for name, target in joint_targets(self._robot.tree, q).items():
+            p.resetJointState(self.id, self._joints[name], target, 0.0, physicsClientId=client)
+        self.command(q)
+
+    def command(self, q: Array) -> None:
+        """Let the motors move the joints there.
+
+        Parameters
+        ----------
+        q : array, shape (n_joints,)
+            In the order of ``tree.joint_names`` [rad] or [m].
+        """
+        p, client = self._p, self._client
         strong = STRONG * self._robot.tree.total_mass * self._robot.gravity
         targets = joint_targets(self._robot.tree, q)
         for joint in self._robot.tree.joints:
             if not joint.is_movable:
                 continue
             number, target = self._joints[joint.name], targets[joint.name]
-            p.resetJointState(self.id, number, target, 0.0, physicsClientId=client)
             p.setJointMotorControl2(
                 self.id,
                 number,
@@ -148,6 +161,19 @@ class BulletBody:
         return (
             np.array([states[name][0] for name in tree.joint_names]),
             generalised_torques(tree, torques),
+        )
+
+    def pull(self, load: Load) -> None:
+        """Let a force act during the next step; pybullet forgets it then."""
+        T = self.link_frame(load.link)
+        point = T[:3, :3] @ load.point + T[:3, 3]
+        self._p.applyExternalForce(
+            self.id,
+            self._links[load.link],
+            load.at(point).tolist(),
+            point.tolist(),
+            self._p.WORLD_FRAME,
+            physicsClientId=self._client,
         )
 
     def link_frame(self, k: int) -> Array:

@@ -60,6 +60,7 @@ def bullet_urdf(robot: Robot) -> str:
             _add_joint(root, cut_name(k), fixed, between, child)
         else:
             _add_joint(root, joint_name(k), joint, parent, child)
+    ET.indent(root)  # pybullet breaks lines of over 1024 characters, in the middle of a word
     return ET.tostring(root, encoding="unicode")
 
 

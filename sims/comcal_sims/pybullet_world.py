@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import TracebackType
 from typing import Literal
@@ -12,13 +13,13 @@ import numpy as np
 from comcal.errors import UsageError
 from comcal.measure.plan import NONE, PlannedPose
 from comcal.robot.model import Base, Robot
-from comcal.robot.tree import JointType
+from comcal.robot.tree import Array, JointType
 from comcal_sims.conventions import check_standing, specific_force
 from comcal_sims.engines import import_engine, silenced
 from comcal_sims.footing import base_in_world
 from comcal_sims.pybullet_body import FRICTION, BulletBody
 from comcal_sims.rotations import floor_rotation, quaternion_xyzw
-from comcal_sims.world import WorldState
+from comcal_sims.world import Load, Spring, WorldState
 
 TIME_STEP = 1 / 240
 """[s]"""
@@ -81,6 +82,7 @@ class PybulletWorld:
         self._p, self._version = import_engine("pybullet", "sim")
         self._client: int | None = self._p.connect(self._p.DIRECT)
         self._body: BulletBody | None = None
+        self._loads: tuple[Load, ...] = ()
         self._step, self._clock, self._steps = TIME_STEP, 0.0, 0
 
     @property
@@ -116,13 +118,53 @@ class PybulletWorld:
 
     def advance(self, duration: float) -> None:
         """Let *duration* seconds pass; steps are made when they are due, so any length will do."""
-        self._require_pose()
-        client = self._open_client()
+        body, client = self._require_pose(), self._open_client()
         self._clock += duration
         due = int(np.floor(self._clock / self._step + 1e-6))
         for _ in range(due - self._steps):
+            for load in self._loads:
+                body.pull(load)
             self._p.stepSimulation(physicsClientId=client)
         self._steps = due
+
+    def stand(self, robot: Robot) -> None:
+        """Let another robot with the same joints stand there from the next pose on."""
+        _refuse_sliders(robot)
+        self._robot = robot
+
+    def pull(self, loads: Sequence[Load]) -> None:
+        """Let these forces act from the next pose on."""
+        self._loads = tuple(loads)
+
+    @property
+    def stiffest_spring(self) -> float:
+        """Zero: there are no springs here."""
+        return 0.0
+
+    def soften(self, springs: Mapping[str, Spring]) -> None:
+        """Refuse springs.
+
+        Raises
+        ------
+        UsageError
+            If there are any.
+        """
+        if springs:
+            raise UsageError(
+                "this world has no springs",
+                where=self.name,
+                next_step="let the joints follow the torques instead",
+            )
+
+    def command(self, q: Array) -> None:
+        """Send the motors there.
+
+        Parameters
+        ----------
+        q : array, shape (n_joints,)
+            [rad]
+        """
+        self._require_pose().command(q)
 
     def state(self) -> WorldState:
         """Return what is true now; ``t`` counts from the moment the pose was placed.

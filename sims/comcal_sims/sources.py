@@ -8,13 +8,16 @@ from types import TracebackType
 
 import numpy as np
 
-from comcal.errors import MissingExtraError, UsageError
-from comcal.measure.plan import PlannedPose
+from comcal.errors import ConfigError, MissingExtraError, UsageError
+from comcal.measure.plan import NONE, PlannedPose
 from comcal.measure.source import Block, SimulatedSource, SourceRequest
 from comcal.robot.model import Robot
 from comcal_sims.adapter import EXACT, SensorAdapter, sensor_errors_from
 from comcal_sims.builtin_world import BuiltinWorld
-from comcal_sims.world import World, WorldState
+from comcal_sims.climate import Climate
+from comcal_sims.faults.faulty_world import FaultyWorld
+from comcal_sims.faults.support import hidden_changes
+from comcal_sims.world import StagedWorld, World, WorldState
 
 RATE = 120.0
 """Samples per second of world time."""
@@ -112,7 +115,7 @@ def open_builtin(request: SourceRequest) -> SimulatedSource:
     Raises
     ------
     UsageError
-        If effects or unknown options are asked for.
+        If unknown options, or effects that it cannot make, are asked for.
     """
     return _sampled(request, BuiltinWorld(request.robot), "builtin")
 
@@ -125,7 +128,7 @@ def open_pybullet(request: SourceRequest) -> SimulatedSource:
     MissingExtraError
         If pybullet is not installed.
     UsageError
-        If effects or unknown options are asked for.
+        If unknown options, or effects that it cannot make, are asked for.
     """
     if find_spec("pybullet") is None:
         raise MissingExtraError(
@@ -147,7 +150,7 @@ def open_mujoco(request: SourceRequest) -> SimulatedSource:
     MissingExtraError
         If mujoco is not installed.
     UsageError
-        If effects or unknown options are asked for.
+        If unknown options, or effects that it cannot make, are asked for.
     """
     if find_spec("mujoco") is None:
         raise MissingExtraError(
@@ -160,13 +163,44 @@ def open_mujoco(request: SourceRequest) -> SimulatedSource:
     return _sampled(request, MujocoWorld(request.robot), "mujoco")
 
 
-def _sampled(request: SourceRequest, world: World, source: str) -> SampledWorld:
-    if request.effects:
-        raise UsageError(
-            "this version hides no effects in a simulation yet",
-            where=f"--effect {request.effects[0]}",
-            next_step="leave --effect out",
-        )
-    errors = sensor_errors_from(request.options or {}, f"sources.{source}")
-    adapter = SensorAdapter(request.robot, errors if request.noise else EXACT, request.seed)
-    return SampledWorld(request.robot, world, adapter)
+def _sampled(request: SourceRequest, world: StagedWorld, source: str) -> SampledWorld:
+    robot, options = request.robot, dict(request.options or {})
+    climate = _climate(options, request)
+    errors = sensor_errors_from(options, f"sources.{source}")
+    errors = errors if request.noise else EXACT
+    if not request.effects:
+        return SampledWorld(robot, world, SensorAdapter(robot, errors, request.seed))
+    try:
+        changes = hidden_changes(request.effects, robot, source)
+        faulty = FaultyWorld(world, robot, changes, _first_standing(request))
+    except UsageError:
+        world.close()
+        raise
+    # Thermometers are there whatever is hidden: whether they matter must not be seen from outside.
+    adapter = SensorAdapter(robot, errors, request.seed, changes, climate)
+    return SampledWorld(robot, faulty, adapter)
+
+
+def _first_standing(request: SourceRequest) -> PlannedPose | None:
+    return next((pose for pose in request.plan if pose.support != NONE), None)
+
+
+def _climate(options: dict[str, object], request: SourceRequest) -> Climate:
+    """Return the climate, taking its entries out of the *options* of a source."""
+    known = {f"temperature_{name}": name for name in ("start", "rise", "time_constant")}
+    known["temperature_cooling_from"] = "cooling_from"
+    sizes = dict[str, float]()
+    for option, name in known.items():
+        value = options.pop(option, None)
+        if value is None:
+            continue
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < 1e6:
+            raise ConfigError(
+                f"{option} is {value!r}",
+                where="sources",
+                limit="a finite number, zero or more",
+                next_step="give degrees Celsius, kelvins or seconds",
+            )
+        sizes[name] = float(value)
+    first = SLOT * request.plan[0].pose if request.plan else 0.0
+    return Climate(**sizes, first=first)

@@ -96,9 +96,30 @@ def test_reading_before_the_first_pose_says_so(table1):
         source.read(0.1)
 
 
-def test_hidden_effects_are_refused_by_name(table1):
+def test_wrong_effects_are_refused_by_name(table1):
     with pytest.raises(UsageError, match="--effect payload@waist"):
-        sources.open_builtin(_request(table1, effects=("payload@waist:mass=1",)))
+        sources.open_builtin(_request(table1, effects=("payload@waist:mas=1",)))
+
+
+def test_a_hidden_payload_weighs(table1):
+    request = _request(table1, noise=False)
+    plain = _measure(request, table1.plan[:1])
+    loaded = _measure(replace(request, effects=("payload@waist:mass=1",)), table1.plan[:1])
+    added = sum(loaded.wrenches[s][-1, 2] - plain.wrenches[s][-1, 2] for s in plain.wrenches)
+    assert added == pytest.approx(table1.robot.gravity)
+
+
+def test_hidden_effects_survive_an_interruption(biped14):
+    effects = (
+        "hysteresis@l_knee:half_width=0.01",
+        "joint_friction@all:coulomb=2",
+        "tether@torso:force_x=2,k_xx=30",
+        "ft_temperature@l_foot:fz=0.1",
+        "joint_compliance@all:stiffness=4000",
+    )
+    request = _request(biped14, effects=effects, plan=biped14.plan)
+    uninterrupted = _measure(request, biped14.plan[:6])
+    assert _equal(uninterrupted, _measure(request, biped14.plan[4:6]))
 
 
 @pytest.mark.parametrize("engine", ["pybullet", "mujoco"])

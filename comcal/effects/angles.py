@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint angles that are not what the encoder says.
+
+tau_gravity, what weighs on the far side of a joint about +axis, is minus the torque that the joint
+holds: of a leg that stands, the measured load of its foot is part of it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from comcal.effects.effect import Effect, State
+from comcal.effects.readings import joints_of, with_angles
+from comcal.measure.table import PoseTable
+from comcal.predict.assumed import Assumed
+from comcal.predict.torques import held_torques
+from comcal.robot.changes import Change
+
+SETTLED = 4
+"""Rounds in which spring and torque find one another; each is some ten times nearer."""
+
+
+def _offset(assumed: Assumed, table: PoseTable, change: Change) -> State:
+    more = change.number("offset") * joints_of(assumed.robot, change)
+    return assumed, with_angles(table, np.broadcast_to(more, table.q.shape))
+
+
+def _compliance(assumed: Assumed, table: PoseTable, change: Change) -> State:
+    """The spring gives way to the torque in the place where it has given way: iterated."""
+    give = joints_of(assumed.robot, change) / change.number("stiffness", np.inf)
+    bent = table
+    for _ in range(SETTLED):
+        bent = with_angles(table, -np.nan_to_num(held_torques(assumed, bent)) * give)
+    return assumed, bent
+
+
+def _backlash(assumed: Assumed, table: PoseTable, change: Change) -> State:
+    width = change.number("half_width") * joints_of(assumed.robot, change)
+    side = -np.sign(np.nan_to_num(held_torques(assumed, table)))
+    return assumed, with_angles(table, side * width)
+
+
+def _hysteresis(assumed: Assumed, table: PoseTable, change: Change) -> State:
+    width = change.number("half_width") * joints_of(assumed.robot, change)
+    return assumed, with_angles(table, np.nan_to_num(table.approach) * width)
+
+
+JOINT_OFFSET = Effect(
+    name="joint_offset",
+    correct=_offset,
+    fault={"offset": 0.02},
+    family={"offset": "joint_offset"},
+    signature="closure and IMU constant, moments with the lever beyond the joint",
+    separated_by="closure and IMU; of an arm, only an angle reference on that arm",
+    remedy="zero the encoder",
+)
+JOINT_COMPLIANCE = Effect(
+    name="joint_compliance",
+    correct=_compliance,
+    fault={"stiffness": 2e-4},
+    family={"stiffness": "joint_compliance"},
+    inverse="stiffness",
+    signature="the angle errs in proportion to the torque",
+    separated_by="loads on the joint both ways",
+    remedy="model the gearbox's spring, or measure behind it",
+)
+BACKLASH = Effect(
+    name="backlash",
+    correct=_backlash,
+    fault={"half_width": 0.005},
+    family={"half_width": "backlash"},
+    signature="a step where the torque changes its sign",
+    separated_by="poses with the torque reversed",
+    remedy="measure behind the play, or keep the torque's sign",
+)
+HYSTERESIS = Effect(
+    name="hysteresis",
+    correct=_hysteresis,
+    fault={"half_width": 0.005},
+    family={"half_width": "hysteresis"},
+    signature="flips with the side from which the joint arrives",
+    separated_by="each pose approached from both sides",
+    remedy="arrive from one side only",
+)
+EFFECTS = (JOINT_OFFSET, JOINT_COMPLIANCE, BACKLASH, HYSTERESIS)

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A named cause, as the diagnosis sees it.
+
+An effect *corrects*: given what is assumed and what was read, and a change that is true of the
+robot, it returns what is then assumed and what the readings then mean, so that their parity
+residuals vanish where nothing else is wrong. Composed, corrections are the extended model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from comcal.measure.table import PoseTable
+from comcal.predict.assumed import Assumed
+from comcal.robot.changes import Change
+
+State = tuple[Assumed, PoseTable]
+"""What is assumed, and the readings as they are then understood."""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One cause of the catalogue.
+
+    Parameters
+    ----------
+    name : str
+        As in :data:`comcal.robot.changes_table.EFFECTS`, which holds keys and units.
+    correct : callable
+        Takes what is assumed, the readings and a change; returns both corrected.
+    fault : mapping from key to float
+        Size of a fault worth looking for, one sigma, SI.
+    family : mapping from key to str
+        Family of ``tolerances`` that says what is healthy; keys not named have no healthy spread.
+    inverse : str
+        A key that is searched for by its inverse (a stiffness, by compliance); empty: none.
+    signature : str
+        What moves with what.
+    separated_by : str
+        Poses or channels that tell it from its rivals.
+    remedy : str
+        What to do about it.
+    """
+
+    name: str
+    correct: Callable[[Assumed, PoseTable, Change], State]
+    fault: Mapping[str, float]
+    signature: str
+    separated_by: str
+    remedy: str
+    family: Mapping[str, str] = field(default_factory=dict[str, str])
+    inverse: str = ""

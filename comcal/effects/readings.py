@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Replace one sensor's or joint's readings in a pose table."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from comcal.measure.table import PoseTable
+from comcal.robot.changes import ALL, Change
+from comcal.robot.model import Robot, Sense
+from comcal.robot.tree import Array
+
+
+def with_wrench(table: PoseTable, sensor: str, wrench: Array) -> PoseTable:
+    """Return *table* with other readings of a force/torque sensor, shape (N, 6)."""
+    return replace(table, wrench={**table.wrench, sensor: wrench})
+
+
+def raw_sign(robot: Robot, sensor: str) -> float:
+    """Return the sign between a sensor's own reading and the table's wrench (ground on robot)."""
+    return 1.0 if robot.sensors[sensor].sense is Sense.ON_ROBOT else -1.0
+
+
+def joints_of(robot: Robot, change: Change) -> Array:
+    """Return 1 for every independent joint that a change is about, else 0, shape (n_joints,)."""
+    names = robot.tree.joint_names
+    if change.target == ALL:
+        return np.ones(len(names))
+    return np.array([float(name == change.target) for name in names])
+
+
+def with_angles(table: PoseTable, more: Array) -> PoseTable:
+    """Return *table* with joint positions that are larger by *more*, shape (N, n_joints)."""
+    return replace(table, q=table.q + more)

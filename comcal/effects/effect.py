@@ -30,11 +30,14 @@ class Effect:
     correct : callable
         Takes what is assumed, the readings and a change; returns both corrected.
     fault : mapping from key to float
-        Size of a fault worth looking for, one sigma, SI.
+        Size of a fault worth looking for, one sigma, SI; of ``moments``, in kg m.
     family : mapping from key to str
         Family of ``tolerances`` that says what is healthy; keys not named have no healthy spread.
     inverse : str
         A key that is searched for by its inverse (a stiffness, by compliance); empty: none.
+    moments : tuple of str
+        Keys that are places of the key ``mass``, searched for as first moments, mass times place:
+        the residuals are linear in those.
     signature : str
         What moves with what.
     separated_by : str
@@ -51,3 +54,4 @@ class Effect:
     remedy: str
     family: Mapping[str, str] = field(default_factory=dict[str, str])
     inverse: str = ""
+    moments: tuple[str, ...] = ()

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Everything that could be the cause: each effect at each target, as columns of residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from comcal.effects.effect import Effect
+from comcal.effects.registry import effects
+from comcal.measure.table import PoseTable
+from comcal.predict.assumed import Assumed
+from comcal.predict.parity import Parity, parity
+from comcal.robot.changes import ALL, Change
+from comcal.robot.changes_kinds import TargetKind
+from comcal.robot.changes_table import EFFECTS
+from comcal.robot.model import Robot
+from comcal.robot.tree import Array
+
+NO_MASS = 1e-9
+"""Carries a first moment where there is no mass [kg]."""
+STEP = 1e-3
+"""Step of the derivatives, as a share of a fault."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect at one target.
+
+    Parameters
+    ----------
+    effect : Effect
+    target : str
+    keys : tuple of str
+        Its parameters, in the order of the columns.
+    """
+
+    effect: Effect
+    target: str
+    keys: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """``effect@target``."""
+        return f"{self.effect.name}@{self.target}" if self.target else self.effect.name
+
+    @property
+    def fault(self) -> Array:
+        """Size of a fault along each coordinate, shape (k,)."""
+        return np.array([self.effect.fault[key] for key in self.keys], np.float64)
+
+    def change(self, coordinates: Array) -> Change:
+        """Return the change at *coordinates*: parameters, a stiffness by its inverse."""
+        values = dict(zip(self.keys, map(float, coordinates), strict=True))
+        if self.effect.moments:
+            mass = values["mass"] = values["mass"] or NO_MASS
+            values |= {key: values[key] / mass for key in self.effect.moments}
+        if self.effect.inverse and not values[self.effect.inverse]:
+            del values[self.effect.inverse]
+        elif self.effect.inverse:
+            values[self.effect.inverse] = 1.0 / values[self.effect.inverse]
+        return Change(self.effect.name, self.target, values)
+
+
+def candidates(robot: Robot, table: PoseTable) -> tuple[Candidate, ...]:
+    """Return every effect at every target that the readings could speak about.
+
+    Parameters
+    ----------
+    robot : Robot
+    table : PoseTable
+    """
+    return tuple(
+        Candidate(effect, target, tuple(effect.fault))
+        for effect in effects().values()
+        for target in _targets(effect, robot, table)
+    )
+
+
+def _targets(effect: Effect, robot: Robot, table: PoseTable) -> Iterator[str]:
+    spec = EFFECTS[effect.name]
+    if TargetKind.NONE in spec.targets:
+        yield ""
+    if TargetKind.SENSOR in spec.targets:
+        yield from (name for name in robot.sensors if name in table.wrench)
+    if TargetKind.LINK in spec.targets:
+        yield from (link.name for link in robot.tree.links if link.mass > 0.0)
+    if TargetKind.JOINT in spec.targets:
+        yield from robot.tree.joint_names
+    if TargetKind.FOOT in spec.targets:
+        yield from robot.feet
+    if spec.has_all:
+        yield ALL
+
+
+def columns(candidate: Candidate, assumed: Assumed, table: PoseTable, at: Parity) -> Array:
+    """Return how the residuals would move if the cause were there, per unit, shape (n, k).
+
+    Parameters
+    ----------
+    candidate : Candidate
+    assumed : Assumed
+    table : PoseTable
+    at : Parity
+        The residuals of both.
+    """
+    found = np.zeros((len(at.values), len(candidate.keys)))
+    for k, size in enumerate(candidate.fault * STEP):
+        moved: list[Array] = []
+        for sign in (1.0, -1.0):
+            step = np.zeros(len(candidate.keys))
+            step[k] = sign * size
+            change = candidate.change(step)
+            moved.append(parity(*candidate.effect.correct(assumed, table, change)).values)
+        # Taking the cause back lowers the residuals by what it had added.
+        found[:, k] = (moved[1] - moved[0]) / (2.0 * size)
+    return found

@@ -39,7 +39,8 @@ ITERATIONS = 8
 """Gauss-Helmert steps at most; three or four suffice for noise of a few per mille. Only data that
 the model does not explain take more, and then the misfit says so."""
 CONVERGED = 1e-3
-"""Largest step that ends the iteration, in standard deviations of the unknowns."""
+"""Largest step that ends the iteration, in standard deviations of the unknowns: the last one taken,
+or the next one, were it smaller than the last by the factor by which that was smaller."""
 NOISE_RATIO = 20.0
 """A direction counts as seen when the information on it exceeds that which the errors of angles and
 force directions alone would feign by this factor."""
@@ -137,7 +138,7 @@ def adjust(robot: Robot, unknowns: Unknowns, groups: Sequence[Group]) -> Adjustm
     theta, scale = unknowns.cad, unknowns.scale
     inputs = [group.inputs for group in groups]
     basis: tuple[Array, Array] | None = None
-    iterations = 0
+    iterations, size = 0, 0.0
     while True:
         iterations += 1
         linear = [
@@ -159,8 +160,11 @@ def adjust(robot: Robot, unknowns: Unknowns, groups: Sequence[Group]) -> Adjustm
         weighted_left = [x[:, :, 0] for x in errors.weighted([r[:, :, None] for r in left])]
         measured = [without_offsets(unknowns, group, theta) for group in groups]
         inputs = errors.adjusted_inputs(measured, weighted_left)
-        in_sigmas = singular * (seen.T @ (step / scale))
-        if iterations >= ITERATIONS or bool(np.all(np.abs(in_sigmas) < CONVERGED)):
+        before, size = (
+            size,
+            float(np.max(np.abs(singular * (seen.T @ (step / scale))), initial=0.0)),
+        )
+        if iterations >= ITERATIONS or size < CONVERGED or size * size < CONVERGED * before:
             break
     hidden = scale[:, None] * unseen
     cad = (unseen.T * (unknowns.cad_sigma / scale) ** 2) @ unseen
@@ -174,13 +178,19 @@ def adjust(robot: Robot, unknowns: Unknowns, groups: Sequence[Group]) -> Adjustm
         cov=to_theta,
         cov_cad=hidden @ cad @ hidden.T,
         sensitivity=tuple(
-            -to_theta @ np.swapaxes(G, 1, 2) @ a.B for G, a in zip(weighted, linear, strict=True)
+            -np.swapaxes(_turned(G, to_theta), 1, 2) @ a.B
+            for G, a in zip(weighted, linear, strict=True)
         ),
         residuals=tuple(left),
         chi2=sum(float(np.sum(r * x)) for r, x in zip(left, weighted_left, strict=True)),
         dof=sum(g.layout.n_rows * len(g.rows) for g in groups) - seen.shape[1],
         iterations=iterations,
     )
+
+
+def _turned(rows: Array, symmetric: Array) -> Array:
+    """Return ``rows @ symmetric`` in one product over all poses, shape (N, n_rows, size)."""
+    return (rows.reshape(-1, rows.shape[2]) @ symmetric).reshape(rows.shape)
 
 
 def _seen_directions(

@@ -7,7 +7,7 @@ world's origin. A cut through the tree then carries the sum of the loads on one 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,10 +22,11 @@ from comcal_sims.contact import corner_forces
 from comcal_sims.footing import base_in_world, standing_feet
 from comcal_sims.robots.balance import support_margin
 from comcal_sims.rotations import floor_rotation
-from comcal_sims.world import Load, Spring, WorldState
+from comcal_sims.springless import Springless
+from comcal_sims.world import Load, WorldState
 
 
-class BuiltinWorld:
+class BuiltinWorld(Springless):
     """Plain statics behind the :class:`~comcal_sims.world.World` port.
 
     Parameters
@@ -65,26 +66,6 @@ class BuiltinWorld:
     def pull(self, loads: Sequence[Load]) -> None:
         """Let these forces act from the next pose on."""
         self._loads = tuple(loads)
-
-    @property
-    def stiffest_spring(self) -> float:
-        """Zero: there are no springs here."""
-        return 0.0
-
-    def soften(self, springs: Mapping[str, Spring]) -> None:
-        """Refuse springs.
-
-        Raises
-        ------
-        UsageError
-            If there are any.
-        """
-        if springs:
-            raise UsageError(
-                "this world has no springs",
-                where=self.name,
-                next_step="let the joints follow the torques instead",
-            )
 
     def command(self, q: Array) -> None:
         """Put the joints there at once.

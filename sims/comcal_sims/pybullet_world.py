@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from types import TracebackType
 from typing import Literal
@@ -19,7 +19,8 @@ from comcal_sims.engines import import_engine, silenced
 from comcal_sims.footing import base_in_world
 from comcal_sims.pybullet_body import FRICTION, BulletBody
 from comcal_sims.rotations import floor_rotation, quaternion_xyzw
-from comcal_sims.world import Load, Spring, WorldState
+from comcal_sims.springless import Springless
+from comcal_sims.world import Load, WorldState
 
 TIME_STEP = 1 / 240
 """[s]"""
@@ -40,7 +41,7 @@ _ALL_JOINT_FEEDBACK = 3
 """Wrenches about the joint in the axes of the world: the one mode free of inertial frames."""
 
 
-class PybulletWorld:
+class PybulletWorld(Springless):
     """A robot in pybullet, without any sensor error.
 
     Parameters
@@ -135,26 +136,6 @@ class PybulletWorld:
     def pull(self, loads: Sequence[Load]) -> None:
         """Let these forces act from the next pose on."""
         self._loads = tuple(loads)
-
-    @property
-    def stiffest_spring(self) -> float:
-        """Zero: there are no springs here."""
-        return 0.0
-
-    def soften(self, springs: Mapping[str, Spring]) -> None:
-        """Refuse springs.
-
-        Raises
-        ------
-        UsageError
-            If there are any.
-        """
-        if springs:
-            raise UsageError(
-                "this world has no springs",
-                where=self.name,
-                next_step="let the joints follow the torques instead",
-            )
 
     def command(self, q: Array) -> None:
         """Send the motors there.

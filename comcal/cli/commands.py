@@ -66,6 +66,14 @@ SUBCOMMANDS: dict[str, Subcommand] = {
         "comcal.cli.solve:solve_command",
         "Total CoM and CoM of each link from a session, with intervals and a verdict.",
     ),
+    "diagnose": Subcommand(
+        "comcal.cli.diagnose:diagnose_command",
+        "Say what the model gets wrong, name the cause, extend the model, measure the gain.",
+    ),
+    "report": Subcommand(
+        "comcal.cli.report:report_command",
+        "One page of a session's newest diagnosis and result; of several, side by side.",
+    ),
     "verify": Subcommand(
         "comcal.cli.verify:verify_command",
         "Predict measured poses with a given URDF, nothing fitted: mm and a verdict.",
@@ -159,7 +167,8 @@ cli = LazyGroup(
       comcal demo
     """,
     epilog="Exit codes: 0 done, 1 a bug of comcal, 2 usage or configuration, 3 data unusable, "
-    "4 hardware, 5 a limit is not met, 6 an extra is missing, 130 interrupted.",
+    "4 hardware, 5 a limit is not met or a cause not decided, 6 an extra is missing, "
+    "130 interrupted.",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     params=[
         _verbose_option(),

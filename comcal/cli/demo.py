@@ -3,23 +3,36 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
 import click
 
-EXIT_UNUSABLE, EXIT_LIMIT = 3, 5
+EXIT_NOT_FOUND = 5
 
 
 @click.command("demo")
 @click.option(
     "--robot",
-    default="table1",
+    default="biped14",
     show_default=True,
-    help="Generated robot: table1 (Muscolo 2017) or biped14 (64 kg, 14 joints).",
+    help="Generated robot: biped14 (64 kg, 14 joints) or table1 (Muscolo 2017, planar).",
 )
 @click.option("--source", help="pybullet, mujoco or builtin [default: the best one installed].")
-@click.option("--seed", type=click.IntRange(min=0), help="Seed of the sensor noise [default: new].")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    help="Seed of the fault that is hidden and of the sensor noise [default: new].",
+)
+@click.option(
+    "--effect",
+    "effects",
+    multiple=True,
+    metavar="none|EFFECT",
+    help="Hide this instead, as for record: payload@torso:mass=3,com_x=0.1. Repeatable. "
+    "none: hide nothing.",
+)
 @click.option(
     "-o",
     "--output",
@@ -28,44 +41,55 @@ EXIT_UNUSABLE, EXIT_LIMIT = 3, 5
     show_default="this folder",
     help="Folder in which the demo's own folder is made.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print result.json, and nothing else.")
+@click.option("--json", "as_json", is_flag=True, help="Print the outcome as JSON, nothing else.")
 def demo_command(
-    robot: str, source: str | None, seed: int | None, output: Path, as_json: bool
+    robot: str,
+    source: str | None,
+    seed: int | None,
+    effects: tuple[str, ...],
+    output: Path,
+    as_json: bool,
 ) -> int:
-    """Calibrate a simulated biped: generate it, measure it, solve, judge.
+    """Hide a fault in a simulated biped; measure it, name the fault, mend the model, judge.
 
-    Takes a few seconds and writes into a new folder comcal-demo (nothing is overwritten). Exit
-    code 5 when a limit is not met.
+    Takes about ten seconds and writes into a new folder comcal-demo (nothing is overwritten). What
+    is hidden stands in session.truth.yaml beside the session, and is read for the last line only.
+    Exit code 0: found right; 5: not.
 
     \b
     Example:
       comcal demo --seed 1
     """
     from comcal.cli.record_progress import shown_progress
-    from comcal.identify.calibration import Verdict
-    from comcal.report.calibration import print_calibration
-    from comcal.report.console import make_console
-    from comcal.workflow.demo import EngineChoice, run_demo
+    from comcal.report.console import make_console, print_lines
+    from comcal.report.demo import FORMAT, demo_json, print_demo
+    from comcal.report.demo_truth import hidden_line
+    from comcal.workflow.demo import Begun, DemoOrder, run_demo
 
     console = make_console()
 
-    def say(choice: EngineChoice) -> None:
-        if not as_json:
-            console.print(f"engine: {choice.source}, because {choice.why}")
+    def say(begun: Begun) -> None:
+        if as_json:
+            return
+        choice, tree = begun.choice, begun.robot.tree
+        console.print(f"engine: {choice.source}, because {choice.why}")
+        facts = f"{tree.total_mass:.1f} kg, {len(tree.joint_names)} joints, {begun.poses} poses"
+        console.print(f"robot: {begun.robot.name}, {facts}, seed {begun.seed}")
 
     with shown_progress(sys.stderr) as show:
-        demo = run_demo(output, robot, source, seed, say, show)
-    calibration = demo.solved.calibration
+        demo = run_demo(DemoOrder(output, robot, source, seed, effects), say, show)
     if as_json:
-        click.echo(demo.solved.files[0].read_text("utf-8"), nl=False)
+        content = {
+            "format": FORMAT,
+            "engine": demo.begun.choice.source,
+            "robot": demo.begun.robot.name,
+            "seed": demo.begun.seed,
+            "session": str(demo.session.directory),
+            **demo_json(demo.story, demo.judgement),
+        }
+        click.echo(json.dumps(content, indent=1, allow_nan=False))
     else:
-        poses = len(calibration.table)
-        console.print(f"robot: {calibration.robot.name}, {poses} poses, seed {demo.seed}")
-        print_calibration(console, calibration, full=False)
-        console.print()
-        for path in (demo.robot_yaml, demo.solved.session.poses_csv, *demo.solved.files):
-            click.echo(f"wrote {path}")
-        click.echo(f"next: comcal solve {demo.solved.session.directory}   (everything, in full)")
-        click.echo(f"      comcal check {demo.robot_yaml}   (what a robot description holds)")
-    exits = {Verdict.NOT_IDENTIFIABLE: EXIT_UNUSABLE, Verdict.FAILED: EXIT_LIMIT}
-    return exits.get(calibration.verdict, 0)
+        print_demo(console, demo.story)
+        click.echo(f"next: comcal diagnose {demo.session.directory}   (everything, in full)")
+        print_lines(console, [hidden_line(demo.judgement)], style="bold")
+    return 0 if demo.judgement.is_right else EXIT_NOT_FOUND

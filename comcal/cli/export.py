@@ -37,6 +37,19 @@ import click
     "measured; by default masses stay.",
 )
 @click.option(
+    "--model",
+    type=click.Path(path_type=Path),
+    metavar="extended.yaml",
+    help="Export this model: its result where the newest one was made with it, else the model "
+    "alone, put on the session's URDF without fitting anything.",
+)
+@click.option(
+    "--rest",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="F",
+    help="Write what of the model no URDF can hold, for verify, record and solve --model.",
+)
+@click.option(
     "--dry-run", is_flag=True, help="Print the difference between the URDFs, and write nothing."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the model as JSON, nothing else.")
@@ -46,6 +59,8 @@ def export_command(
     yaml: Path | None,
     c_folder: Path | None,
     scale_masses: bool,
+    model: Path | None,
+    rest: Path | None,
     dry_run: bool,
     as_json: bool,
 ) -> None:
@@ -56,29 +71,47 @@ def export_command(
     Each number says where it is from: measured, combination (a term of measured sums) or prior
     (the URDF). Nothing is ever overwritten.
 
+    Of a result that was made with a model (solve --model), and of a model alone (--model), bodies
+    and lengths go into the URDF; where the rest belongs is said.
+
     \b
     Examples:
       comcal export monday --dry-run
       comcal export monday --urdf calibrated.urdf --yaml calibrated.yaml
+      comcal export monday --model extended.yaml --urdf corrected.urdf
     """
+    from comcal.report.export_extension import ExtensionSummary
     from comcal.workflow.export import ExportOrder, export_session
+    from comcal.workflow.known_model import read_model
 
-    exported = export_session(session, ExportOrder(urdf, yaml, c_folder, scale_masses, dry_run))
+    known = None if model is None else read_model(model)
+    order = ExportOrder(urdf, yaml, c_folder, scale_masses, dry_run, known, rest)
+    exported = export_session(session, order)
     if as_json:
         from comcal.report.export import exported_json
+        from comcal.report.export_extension import extension_json
 
-        click.echo(json.dumps(exported_json(exported), indent=1, allow_nan=False))
+        alone = isinstance(exported, ExtensionSummary)
+        content = extension_json(exported) if alone else exported_json(exported)
+        click.echo(json.dumps(content, indent=1, allow_nan=False))
         return
     from comcal.report.console import make_console
     from comcal.report.export import print_exported
+    from comcal.report.export_extension import print_extension
 
     if dry_run:
         # The difference alone on stdout, so that it can be piped into patch.
         click.echo(exported.diff, nl=False)
-    print_exported(make_console(stderr=dry_run), exported)
+    console = make_console(stderr=dry_run)
+    if isinstance(exported, ExtensionSummary):
+        print_extension(console, exported)
+    else:
+        print_exported(console, exported)
     for path in exported.files:
         click.echo(f"wrote {path}")
     if not dry_run and not exported.files:
         click.echo("nothing written: give --urdf F, --yaml F or --c DIR; --dry-run shows the diff")
     elif urdf is not None and not dry_run:
-        click.echo(f"next: comcal verify FRESH --urdf {urdf}   (FRESH: a session of other poses)")
+        also = "" if rest is None else f" --model {rest}"
+        what = f"comcal verify FRESH --urdf {urdf}{also}"
+        click.echo(f"next: {what}   (FRESH: a session of other poses)")

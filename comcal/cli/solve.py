@@ -59,6 +59,12 @@ EXIT_UNUSABLE, EXIT_LIMIT = 3, 5
     help="Show beside it the nearest robot with positive masses and CoMs inside their links.",
 )
 @click.option(
+    "--model",
+    type=click.Path(path_type=Path),
+    metavar="extended.yaml",
+    help="Known changes, as diagnose writes them: robot and readings are corrected by them first.",
+)
+@click.option(
     "--drop", multiple=True, type=int, metavar="POSE", help="Leave a pose out. Repeatable."
 )
 @click.option(
@@ -79,6 +85,7 @@ def solve_command(
     unknown_tares: bool,
     prior: float | None,
     consistent: bool,
+    model: Path | None,
     drop: tuple[int, ...],
     held_out: str,
     as_json: bool,
@@ -88,7 +95,8 @@ def solve_command(
     DIR holds robot.yaml, its URDF and poses.csv: made by record or import, or by hand. Written are
     DIR/results/NNN/result.json and used.csv; nothing is overwritten. Exit code 0: passed, or no
     limits are set; 3: the poses do not determine any link, or no robot is physically possible; 5:
-    a limit is not met. What --prior and --consistent assume is marked, and never exported.
+    a limit is not met. What --prior and --consistent assume is marked, and never exported; what
+    --model says is part of the robot, and is.
 
     \b
     Example:
@@ -98,6 +106,7 @@ def solve_command(
     from comcal.identify.scope import Scope
     from comcal.report.console import make_console
     from comcal.workflow.calibrate import is_chain, solve_session
+    from comcal.workflow.known_model import read_model
 
     if as_json and (as_published or masses):
         word = "--as-published" if as_published else "--masses"
@@ -106,11 +115,11 @@ def solve_command(
         from comcal.cli.solve_chain import solve_chain
 
         assumed = prior is not None or consistent
-        other = free_masses or unknown_tares or assumed
+        other = free_masses or unknown_tares or assumed or model is not None
         if as_published or masses or other or method != "both":
             raise click.UsageError(
-                "--as-published, --masses, --free-masses, --unknown-tares, --prior, --consistent "
-                "and --method need a robot with a URDF"
+                "--as-published, --masses, --free-masses, --unknown-tares, --prior, --consistent, "
+                "--model and --method need a robot with a URDF"
             )
         return solve_chain(session, drop, held_out, as_json)
     scope = Scope(not no_currents, free_masses, unknown_tares)
@@ -122,6 +131,7 @@ def solve_command(
         strength=prior,
         consistent=consistent,
         held_out=pose_numbers(held_out, "--held-out"),
+        model=None if model is None else read_model(model),
     )
     calibration = solved.calibration
     if as_json:

@@ -20,8 +20,14 @@ EXIT_LIMIT = 5
     metavar="F",
     help="The model to be judged: the same links and joints as the session's robot.",
 )
+@click.option(
+    "--model",
+    type=click.Path(path_type=Path),
+    metavar="rest.yaml",
+    help="Known changes that the URDF cannot hold, as export writes them with --rest.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, nothing else.")
-def verify_command(session: Path, urdf: Path, as_json: bool) -> int:
+def verify_command(session: Path, urdf: Path, model: Path | None, as_json: bool) -> int:
     """Predict the poses of the session in DIR with a given URDF; nothing is fitted or written.
 
     Per pose: how far the predicted total CoM is from the measured line of gravity, in mm, and what
@@ -33,9 +39,11 @@ def verify_command(session: Path, urdf: Path, as_json: bool) -> int:
       comcal verify tuesday --urdf calibrated.urdf
     """
     from comcal.identify.calibration import Verdict
+    from comcal.workflow.known_model import read_model
     from comcal.workflow.verify import verify_model
 
-    verification = verify_model(session, urdf)
+    known = None if model is None else read_model(model)
+    verification = verify_model(session, urdf, known)
     if as_json:
         from comcal.report.verify import verification_json
 

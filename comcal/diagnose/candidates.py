@@ -8,11 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from comcal.diagnose.linear import Linear
 from comcal.effects.effect import Effect
 from comcal.effects.registry import effects
 from comcal.measure.table import PoseTable
-from comcal.predict.assumed import Assumed
-from comcal.predict.parity import Parity, parity
 from comcal.robot.changes import ALL, Change
 from comcal.robot.changes_kinds import TargetKind
 from comcal.robot.changes_table import EFFECTS
@@ -21,7 +20,7 @@ from comcal.robot.tree import Array
 
 NO_MASS = 1e-9
 """Carries a first moment where there is no mass [kg]."""
-STEP = 1e-3
+STEP = 1e-4
 """Step of the derivatives, as a share of a fault."""
 
 
@@ -35,16 +34,20 @@ class Candidate:
     target : str
     keys : tuple of str
         Its parameters, in the order of the columns.
+    poses : tuple of int or None
+        Ids of the only poses in which it acts; None: all.
     """
 
     effect: Effect
     target: str
     keys: tuple[str, ...]
+    poses: tuple[int, ...] | None = None
 
     @property
     def name(self) -> str:
-        """``effect@target``."""
-        return f"{self.effect.name}@{self.target}" if self.target else self.effect.name
+        """``effect@target``, and the poses if there are only some."""
+        name = f"{self.effect.name}@{self.target}" if self.target else self.effect.name
+        return name if self.poses is None else f"{name} in pose {', '.join(map(str, self.poses))}"
 
     @property
     def fault(self) -> Array:
@@ -61,7 +64,8 @@ class Candidate:
             del values[self.effect.inverse]
         elif self.effect.inverse:
             values[self.effect.inverse] = 1.0 / values[self.effect.inverse]
-        return Change(self.effect.name, self.target, values)
+        poses = {} if self.poses is None else {"poses": self.poses}
+        return Change(self.effect.name, self.target, {**values, **poses})
 
 
 def candidates(robot: Robot, table: PoseTable) -> tuple[Candidate, ...]:
@@ -75,6 +79,7 @@ def candidates(robot: Robot, table: PoseTable) -> tuple[Candidate, ...]:
     return tuple(
         Candidate(effect, target, tuple(effect.fault))
         for effect in effects().values()
+        if effect.fault
         for target in _targets(effect, robot, table)
     )
 
@@ -95,25 +100,20 @@ def _targets(effect: Effect, robot: Robot, table: PoseTable) -> Iterator[str]:
         yield ALL
 
 
-def columns(candidate: Candidate, assumed: Assumed, table: PoseTable, at: Parity) -> Array:
-    """Return how the residuals would move if the cause were there, per unit, shape (n, k).
+def columns(candidate: Candidate, at: Linear) -> Array:
+    """Return what each coordinate of a cause adds to the residuals, per unit, shape (n, k).
 
     Parameters
     ----------
     candidate : Candidate
-    assumed : Assumed
-    table : PoseTable
-    at : Parity
-        The residuals of both.
+    at : Linear
+        The state that lacks the cause.
     """
-    found = np.zeros((len(at.values), len(candidate.keys)))
+    found = np.zeros((len(at.at.values), len(candidate.keys)))
     for k, size in enumerate(candidate.fault * STEP):
-        moved: list[Array] = []
-        for sign in (1.0, -1.0):
-            step = np.zeros(len(candidate.keys))
-            step[k] = sign * size
-            change = candidate.change(step)
-            moved.append(parity(*candidate.effect.correct(assumed, table, change)).values)
+        step = np.zeros(len(candidate.keys))
+        step[k] = size
+        state = candidate.effect.correct(at.assumed, at.table, candidate.change(step))
         # Taking the cause back lowers the residuals by what it had added.
-        found[:, k] = (moved[1] - moved[0]) / (2.0 * size)
+        found[:, k] = -at.moved(state) / size
     return found

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 r"""How much more likely the residuals are with a cause than without it.
 
-With whitened columns A, residuals r, and a fault of each coordinate normal with standard deviation
-F, the logarithm of the ratio of evidences is
+With columns A, residuals r, their inner products K = A^T C^{-1} A and b = A^T C^{-1} r, and a fault
+of each coordinate normal with standard deviation F, the logarithm of the ratio of evidences is
 
-.. math:: \tfrac12 b^T M^{-1} b - \tfrac12 \ln\det(1 + F A^T A F),
-   \qquad M = A^T A + F^{-2}, \quad b = A^T r .
+.. math:: \tfrac12 b^T M^{-1} b - \tfrac12 \ln\det(F M F), \qquad M = K + F^{-2} .
+
+Causes that are there already belong to C, each with the spread of a fault.
 """
 
 from __future__ import annotations
@@ -13,45 +14,105 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
+from comcal.diagnose.catalogue import Catalogue
+from comcal.diagnose.metric import Metric
 from comcal.robot.tree import Array
+
+IMPOSSIBLE = -np.inf
+"""Log odds of a cause that would need a negative mass, stiffness or friction."""
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """What a set of causes explains.
+    """What a cause explains.
 
     Parameters
     ----------
     log_odds : float
-        ln evidence with the causes - ln evidence without any.
+        ln evidence with it - ln evidence without it.
     coordinates : array, shape (k,)
     cov : array, shape (k, k)
-    chi2 : float
-        Of the residuals that are left.
     """
 
     log_odds: float
     coordinates: Array
     cov: Array
-    chi2: float
 
 
-def explained(residuals: Array, columns: Array, fault: Array) -> Explanation:
-    """Explain whitened residuals by causes.
+def explained(
+    K: Array,
+    b: Array,
+    fault: Array,
+    positive: npt.NDArray[np.bool_] | None = None,
+    required: npt.NDArray[np.bool_] | None = None,
+) -> Explanation:
+    """Explain residuals by a cause.
 
     Parameters
     ----------
-    residuals : array, shape (m,)
-    columns : array, shape (m, k)
+    K : array, shape (k, k)
+    b : array, shape (k,)
     fault : array, shape (k,)
-        Size of a fault along each coordinate.
+    positive, required : array of bool, shape (k,), optional
+        Coordinates that cannot be negative are left out where they would be; without a required
+        one there is no cause.
     """
-    A = columns * fault
-    M = A.T @ A + np.eye(A.shape[1])
-    b = A.T @ residuals
-    scaled = np.linalg.solve(M, b)
-    log_odds = 0.5 * float(b @ scaled) - 0.5 * float(np.linalg.slogdet(M)[1])
-    left = residuals - A @ scaled
-    cov = np.linalg.inv(M) * np.outer(fault, fault)
-    return Explanation(log_odds, fault * scaled, cov, float(left @ left))
+    k = len(b)
+    kept = np.ones(k, np.bool_)
+    while True:
+        F = fault[kept]
+        M = F[:, None] * K[np.ix_(kept, kept)] * F
+        M[np.diag_indices_from(M)] += 1.0
+        scaled = np.linalg.solve(M, F * b[kept])
+        x = np.zeros(k)
+        x[kept] = F * scaled
+        wrong = np.zeros(k, np.bool_) if positive is None else positive & kept & (x <= 0.0)
+        if not wrong.any():
+            break
+        kept &= ~wrong
+        if not kept.any() or (required is not None and (wrong & required).any()):
+            return Explanation(IMPOSSIBLE, np.zeros(k), np.zeros((k, k)))
+    log_odds = 0.5 * float((F * b[kept]) @ scaled) - 0.5 * float(np.linalg.slogdet(M)[1])
+    cov = np.zeros((k, k))
+    cov[np.ix_(kept, kept)] = np.linalg.inv(M) * np.outer(F, F)
+    return Explanation(log_odds, x, cov)
+
+
+def explain(of: Catalogue, i: int, against: Metric) -> Explanation:
+    """Explain residuals by candidate *i* of a catalogue."""
+    part = of.slices[i]
+    return explained(
+        against.K[part, part],
+        against.b[part],
+        of.fault[part],
+        of.positive[part],
+        of.required[part],
+    )
+
+
+def all_log_odds(of: Catalogue, against: Metric) -> Array:
+    """Return the log odds of every candidate against nothing more, shape (n_candidates,)."""
+    return np.array(
+        [
+            explain(of, i, against).log_odds if may_be else IMPOSSIBLE
+            for i, may_be in enumerate(of.open)
+        ]
+    )
+
+
+def whole(of: Catalogue, causes: tuple[int, ...], against: Metric) -> Explanation:
+    """Explain residuals by several candidates at once; coordinates one cause after the other.
+
+    Parameters
+    ----------
+    of : Catalogue
+    causes : tuple of int
+    against : Metric
+        Of a healthy robot, without them.
+    """
+    at = np.concatenate([np.arange(of.slices[i].start, of.slices[i].stop) for i in causes])
+    return explained(
+        against.K[np.ix_(at, at)], against.b[at], of.fault[at], of.positive[at], of.required[at]
+    )

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from comcal.effects.effect import Effect, State
-from comcal.effects.readings import joints_of, with_angles
+from comcal.effects.readings import arrivals, joints_of, with_angles
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
 from comcal.predict.torques import held_torques
@@ -41,8 +41,10 @@ def _backlash(assumed: Assumed, table: PoseTable, change: Change) -> State:
 
 
 def _hysteresis(assumed: Assumed, table: PoseTable, change: Change) -> State:
-    width = change.number("half_width") * joints_of(assumed.robot, change)
-    return assumed, with_angles(table, np.nan_to_num(table.approach) * width)
+    """A pose says nothing where the side from which the joint came is unknown."""
+    about = joints_of(assumed.robot, change)
+    width = change.number("half_width") * about
+    return assumed, with_angles(table, np.where(about > 0.0, arrivals(table), 0.0) * width)
 
 
 JOINT_OFFSET = Effect(

@@ -32,14 +32,23 @@ def _payload(assumed: Assumed, table: PoseTable, change: Change) -> State:
     moment = link.mass * link.com + more * np.array(change.numbers(*COM))
     mass = link.mass + more
     com = moment / mass if mass else link.com
-    robot = _with_link(assumed.robot, change.target, replace(link, mass=mass, com=com))
+    arm = np.array(change.numbers(*COM)) - link.com
+    # Of a point: what its own size adds is not known.
+    point = link.mass * more / mass * (arm @ arm * np.eye(3) - np.outer(arm, arm)) if mass else 0.0
+    joined = replace(link, mass=mass, com=com, inertia=link.inertia + point)
+    robot = _with_link(assumed.robot, change.target, joined)
     return replace(assumed, robot=robot), table
 
 
 def _link_mass(assumed: Assumed, table: PoseTable, change: Change) -> State:
     link = _link(assumed, change)
-    heavier = replace(link, mass=link.mass + change.number("mass"))
+    mass = link.mass + change.number("mass")
+    heavier = _denser(link, mass / link.mass) if link.mass else replace(link, mass=mass)
     return replace(assumed, robot=_with_link(assumed.robot, change.target, heavier)), table
+
+
+def _denser(link: Link, factor: float) -> Link:
+    return replace(link, mass=link.mass * factor, inertia=link.inertia * factor)
 
 
 def _link_com(assumed: Assumed, table: PoseTable, change: Change) -> State:
@@ -55,8 +64,7 @@ def _sole_mass(assumed: Assumed, table: PoseTable, change: Change) -> State:
     mass = float(robot.tree.masses[below].sum())
     factor = 1.0 + change.number("mass") / mass if mass else 1.0
     links = tuple(
-        replace(link, mass=link.mass * factor) if below[k] else link
-        for k, link in enumerate(robot.tree.links)
+        _denser(link, factor) if below[k] else link for k, link in enumerate(robot.tree.links)
     )
     return replace(assumed, robot=replace(robot, tree=replace(robot.tree, links=links))), table
 

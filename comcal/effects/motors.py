@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from comcal.effects.effect import Effect, State
-from comcal.effects.readings import joints_of
+from comcal.effects.readings import arrivals, joints_of
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
 from comcal.robot.changes import Change
@@ -28,8 +28,9 @@ def _offset(assumed: Assumed, table: PoseTable, change: Change) -> State:
 def _friction(assumed: Assumed, table: PoseTable, change: Change) -> State:
     """Undo: motor torque = joint torque + (coulomb + load_factor |joint torque|) * approach."""
     factor = motor_torque_factors(assumed.robot)
-    motor, side = table.current * factor, np.nan_to_num(table.approach)
     about = joints_of(assumed.robot, change)
+    # A current says nothing about the torque where nobody knows which way friction helps.
+    motor, side = table.current * factor, np.where(about > 0.0, arrivals(table), 0.0)
     coulomb, share = change.number("coulomb") * about, change.number("load_factor") * about
     # Where the joint's torque has the sign of the approach, friction adds share of it; else less.
     helped = motor - coulomb * side

@@ -34,3 +34,15 @@ def joints_of(robot: Robot, change: Change) -> Array:
 def with_angles(table: PoseTable, more: Array) -> PoseTable:
     """Return *table* with joint positions that are larger by *more*, shape (N, n_joints)."""
     return replace(table, q=table.q + more)
+
+
+def arrivals(table: PoseTable) -> Array:
+    """Return from which side every joint came to where it is, shape (N, n_joints).
+
+    +1: q was increasing, -1: decreasing; NaN where that is unknown. A joint that was not moved
+    (approach 0) is where its last move brought it, in the order of the rows.
+    """
+    found = table.approach.copy()
+    for i in range(1, len(found)):
+        found[i] = np.where(found[i] == 0.0, found[i - 1], found[i])
+    return np.where(found == 0.0, np.nan, found)

@@ -12,7 +12,17 @@ from functools import cache
 from importlib import metadata
 from types import MappingProxyType
 
-from comcal.effects import angles, bodies, ft_reading, motors, surroundings
+from comcal.effects import (
+    angles,
+    bodies,
+    feet,
+    ft_reading,
+    inertia,
+    mistakes,
+    motors,
+    surroundings,
+    timing,
+)
 from comcal.effects.effect import Effect, State
 from comcal.errors import ConfigError
 from comcal.measure.table import PoseTable
@@ -32,7 +42,17 @@ def effects() -> Mapping[str, Effect]:
         If two packages bring an effect of one name.
     """
     found: dict[str, Effect] = {}
-    for module in (ft_reading, bodies, angles, motors, surroundings):
+    for module in (
+        ft_reading,
+        bodies,
+        angles,
+        motors,
+        surroundings,
+        feet,
+        timing,
+        inertia,
+        mistakes,
+    ):
         found.update({effect.name: effect for effect in module.EFFECTS})
     for entry in metadata.entry_points(group=GROUP):
         brought: object = entry.load()

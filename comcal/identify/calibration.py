@@ -86,6 +86,8 @@ class Calibration:
         The all-data route joined with CAD, where that was asked for.
     consistent : ConsistentFit or None
         The physically possible robot nearest to it, where that was asked for.
+    reference : str
+        What ``robot`` describes, in words: its URDF, or a model that extends it.
     """
 
     robot: Robot
@@ -101,6 +103,7 @@ class Calibration:
     notes: tuple[str, ...] = ()
     with_prior: PriorFit | None = None
     consistent: ConsistentFit | None = None
+    reference: str = "the URDF"
 
 
 def calibrate(

@@ -27,7 +27,7 @@ from comcal.statics.support import (
     loaded_wrenches,
     measured_supports,
 )
-from comcal.statics.torque_rows import readable_joints
+from comcal.statics.torque_rows import motor_torque_factors, readable_joints
 
 
 class Rows(Flag):
@@ -237,6 +237,7 @@ def _group(
     up, up_link, up_var = None, 0, np.zeros((n, 0))
     if layout.hangs:
         up, up_link, up_var = _upward(robot, part)
+    shared |= _shared_roots(robot, part, layout)
     _fill_diagonal(cov, layout.up_columns, up_var)
     return Group(
         layout=layout,
@@ -270,6 +271,25 @@ def _tares(table: PoseTable, layout: RowLayout) -> dict[str, Array]:
             root = np.zeros((1, layout.n_inputs, 6))
             root[0, layout.sensor_columns(sensor)] = vector * np.sqrt(np.clip(value, 0.0, None))
             roots[f"tare {sensor}"] = root
+    return roots
+
+
+def _shared_roots(robot: Robot, table: PoseTable, layout: RowLayout) -> dict[str, Array]:
+    """Return what a standard deviation of each error in ``table.shared`` does to the inputs."""
+    roots: dict[str, Array] = {}
+    from_current = ~np.isfinite(table.torque)
+    factor = np.nan_to_num(motor_torque_factors(robot))
+    by_imu = robot.imu_link is not None and bool(np.isfinite(table.imu).all())
+    for name, shift in table.shared.items():
+        root = np.zeros((len(table), layout.n_inputs))
+        for sensor in (*layout.carrier.sensors, *(cut.sensor for cut in layout.cuts)):
+            root[:, layout.sensor_columns(sensor)] = shift.wrench[sensor]
+        root[:, layout.q_columns] = shift.q
+        torque = np.where(from_current, shift.current * factor, shift.torque)
+        root[:, layout.torque_columns] = torque[:, list(layout.torques)]
+        if layout.hangs and by_imu:
+            root[:, layout.up_columns] = shift.imu
+        roots[name] = root[:, :, None]
     return roots
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from comcal.measure.shift import Shift
 from comcal.measure.table import PoseTable
 from comcal.robot.frames import apply
 from comcal.robot.kinematics import Placements
@@ -115,6 +116,8 @@ class Model:
     ----------
     tare_cov : mapping from sensor name to array, shape (6, 6)
         Covariance of each tare: one error in all poses.
+    shared : mapping from name to Shift
+        Further errors of all poses of the table, in units of one sigma.
     """
 
     robot: Robot
@@ -122,6 +125,7 @@ class Model:
     tare_cov: Mapping[str, Array]
     chain: PlanarChain | None = None
     choices: tuple[Choice, ...] = ()
+    shared: Mapping[str, Shift] = field(default_factory=dict[str, Shift])
 
     @property
     def inputs(self) -> Array:
@@ -135,6 +139,9 @@ class Model:
         for sensor, tare in self.tare_cov.items():
             hit = self._inputs_of(sensor)
             cov += hit @ tare @ hit.T
+        for shift in self.shared.values():
+            root = np.concatenate([_moved_inputs(shape, shift) for shape in self.shapes])
+            cov += np.outer(root, root)
         return cov
 
     @property
@@ -275,6 +282,15 @@ def _given_com(shape: Shape, com: Array, at: Placements) -> Array:
     if shape.com_link is None:
         return com
     return apply(at.R[:, shape.com_link], com) + at.p[:, shape.com_link]
+
+
+def _moved_inputs(shape: Shape, shift: Shift) -> Array:
+    """Return what a shared error does to the inputs of one shape, shape (width,)."""
+    rows = list(shape.configuration.rows[:1] if shape.given else shape.configuration.rows)
+    loads = [np.zeros((len(rows), 3))]  # a CoM that is given by other means does not move
+    if not shape.given:
+        loads = [shift.wrench[sensor][rows] for sensor in shape.configuration.carrier.sensors]
+    return np.concatenate([*loads, shift.q[rows]], axis=1).ravel()
 
 
 def _block_diagonal(blocks: Sequence[Array]) -> Array:

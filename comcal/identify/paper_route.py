@@ -137,7 +137,7 @@ def paper_route(robot: Robot, table: PoseTable) -> PaperRoute:
         why = str(refused[0]) if refused else _why_nothing(robot, table)
         return PaperRoute((), tuple(refused), None, (), why, (), nothing, nothing)
     chain, choices, reason = _chain_and_choices(robot, shapes)
-    model = Model(robot, tuple(shapes), table.tare_cov, chain, choices)
+    model = Model(robot, tuple(shapes), table.tare_cov, chain, choices, table.shared)
     value, by_input, by_cad = model.differentiate()
     cov = by_input @ model.cov @ by_input.T
     cov_cad = (by_cad * model.cad_sigma**2) @ by_cad.T

@@ -252,6 +252,26 @@ class Session:
         """Let ``results/latest`` point at a result folder whose files are complete."""
         link_atomically(folder.parent / "latest", folder.name)
 
+    def newest_result(self, name: str) -> Path | None:
+        """Return the newest published file of one kind, or None.
+
+        Calibrations and diagnoses share the numbers: ``results/latest`` may hold the other kind.
+
+        Parameters
+        ----------
+        name : str
+            Such as ``result.json``.
+        """
+        latest = self.directory / "results" / "latest"
+        if not latest.exists():
+            return None
+        last = latest.resolve()
+        for number in range(int(last.name) if last.name.isdecimal() else 0, 0, -1):
+            path = last.with_name(f"{number:03d}") / name
+            if path.is_file():
+                return path
+        return None
+
 
 @contextmanager
 def locked(directory: Path) -> Generator[None, None, None]:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from comcal.measure.shift import Shift
 from comcal.robot.tree import Array
 
 
@@ -72,6 +73,10 @@ class PoseTable:
     tare_cov : mapping from sensor name to array, shape (6, 6)
         Covariance of the tare that was subtracted: one and the same error in every pose, hence
         not contained in ``wrench_cov``. Empty where no tare was subtracted.
+    shared : mapping from name to Shift
+        What one standard deviation of each further error that all poses share does to the
+        readings: of what is known to be wrong with them, but not exactly. Contained in no
+        covariance.
 
     Notes
     -----
@@ -110,6 +115,7 @@ class PoseTable:
     temperature: Mapping[str, Array] = field(default_factory=dict[str, Array])
     motion: Mapping[str, Array] = field(default_factory=dict[str, Array])
     tare_cov: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    shared: Mapping[str, Shift] = field(default_factory=dict[str, Shift])
 
     def __post_init__(self) -> None:
         n = len(self.pose)
@@ -176,4 +182,20 @@ class PoseTable:
             t=self.t[index],
             temperature={name: v[index] for name, v in self.temperature.items()},
             motion={name: v[index] for name, v in self.motion.items()},
+            shared={name: shift.select(index) for name, shift in self.shared.items()},
         )
+
+
+def shift_between(before: PoseTable, after: PoseTable) -> Shift:
+    """Return how the readings of two tables of the same poses differ; zero where there are none."""
+
+    def moved(a: Array, b: Array) -> Array:
+        return np.nan_to_num(b - a)
+
+    return Shift(
+        q=moved(before.q, after.q),
+        wrench={s: moved(w, after.wrench[s]) for s, w in before.wrench.items()},
+        torque=moved(before.torque, after.torque),
+        current=moved(before.current, after.current),
+        imu=moved(before.imu, after.imu),
+    )

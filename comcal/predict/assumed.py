@@ -63,6 +63,8 @@ class Assumed:
         Roll and pitch of the IMU against the frame of its link [rad].
     internal_torque : float
         Factor of the term M_2 that Muscolo 2017 (10) adds to the moment balance about y.
+    inertia : float
+        Factor of the wrench that the measured acceleration of the links needs; 0 is statics.
     """
 
     robot: Robot
@@ -71,3 +73,4 @@ class Assumed:
     loads: tuple[Load, ...] = ()
     imu_tilt: Array = field(default_factory=lambda: _zeros(2))
     internal_torque: float = 0.0
+    inertia: float = 0.0

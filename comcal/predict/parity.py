@@ -21,6 +21,7 @@ import numpy.typing as npt
 from comcal.measure.plan import NONE
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed, Load
+from comcal.predict.inertial import inertial_wrenches
 from comcal.predict.standing import Standing, standing_at
 from comcal.robot.frames import apply, cross, rotation_from_rpy
 from comcal.robot.kinematics import Placements, place_links
@@ -172,23 +173,30 @@ def placed(
     carrier = hanging_carrier(robot) if hangs else carrier_of(robot, support)
     at = place_links(robot.tree, table.q)
     standing = None if hangs else standing_at(assumed, table, carrier, at)
-    up, up_link = _up(assumed, table, standing)
-    return _balance(assumed, table, carrier, at, standing, up, up_link), carrier, standing
+    up = _up(assumed, table, at, standing)
+    return _balance(assumed, table, carrier, at, standing, up), carrier, standing
 
 
-def _up(assumed: Assumed, table: PoseTable, standing: Standing | None) -> tuple[Array, int]:
-    """Return an upward vector of every pose and the link in whose frame it is."""
+def _up(assumed: Assumed, table: PoseTable, at: Placements, standing: Standing | None) -> Array:
+    """Return an upward vector of every pose in the root frame, shape (N, 3)."""
     if standing is not None:
         roll, pitch = assumed.floor
         up_in_P = rotation_from_rpy([roll, pitch, 0.0])[2]
-        return apply(standing.R_root_P, np.broadcast_to(up_in_P, (len(table), 3))), 0
+        return apply(standing.R_root_P, np.broadcast_to(up_in_P, (len(table), 3)))
     robot = assumed.robot
-    if robot.imu_link is not None and np.isfinite(table.imu).all():
-        link = robot.tree.link_index[robot.imu_link]
-        return apply(_imu_rotation(assumed), table.imu), link
-    tilt = np.nan_to_num(table.base_tilt)
-    R = np.stack([rotation_from_rpy([roll, pitch, 0.0]) for roll, pitch in tilt])
-    return R[:, 2], 0
+    R = np.stack(
+        [rotation_from_rpy([roll, pitch, 0.0]) for roll, pitch in np.nan_to_num(table.base_tilt)]
+    )
+    up = R[:, 2]
+    if robot.imu_link is None:
+        return up
+    seen = np.isfinite(table.imu).all(axis=1, keepdims=True)
+    by_imu = apply(at.link(robot.imu_link)[0] @ _imu_rotation(assumed), table.imu)
+    if not seen.any():
+        return up
+    # Where others have the IMU's word, a pose without it is not simply upright.
+    known = np.isfinite(table.base_tilt).all(axis=1, keepdims=True)
+    return np.where(seen, by_imu, np.where(known, up, np.nan))
 
 
 def _imu_rotation(assumed: Assumed) -> Array:
@@ -204,7 +212,6 @@ def _balance(
     at: Placements,
     standing: Standing | None,
     up: Array,
-    up_link: int,
 ) -> Balance:
     """Place the robot; outside loads join the loads of the feet, as wrenches on their links."""
     nan = np.full((len(table), 6), np.nan)
@@ -213,23 +220,44 @@ def _balance(
     for i, load in enumerate(assumed.loads):
         sensors.append(f"load {i}")
         frames.append(load.link)
-        w.append(_load_wrench(load, table, at, standing))
+        # What acts below the cut of a foot that stands goes into the ground: no sensor feels it.
+        felt = float(carrier.carried[load.link])
+        w.append(felt * _load_wrench(load, table, at, standing))
+    for link, wrench in _inertial(assumed, table, carrier):
+        sensors.append(f"load of inertia {link}")
+        frames.append(link)
+        w.append(wrench)
     loads = np.stack(w, axis=1) if w else np.zeros((len(table), 0, 6))
     with_loads = replace(carrier, sensors=tuple(sensors), frames=tuple(frames))
-    return balance_at(assumed.robot, with_loads, table.q, loads, up, up_link)
+    return balance_at(assumed.robot, with_loads, table.q, loads, up)
+
+
+def _inertial(assumed: Assumed, table: PoseTable, carrier: Carrier) -> Iterator[tuple[int, Array]]:
+    """Yield the carried links that move, with minus what their inertia demands, shape (N, 6)."""
+    robot = assumed.robot
+    if not assumed.inertia:
+        return
+    rest = robot.feet[carrier.feet[0]].link if carrier.feet else robot.tree.links[0].name
+    wrenches = inertial_wrenches(robot, table, rest)
+    if wrenches is None:
+        return
+    for link in np.flatnonzero(carrier.carried & wrenches.any(axis=(0, 2))):
+        yield int(link), -assumed.inertia * wrenches[:, link]
 
 
 def _load_wrench(load: Load, table: PoseTable, at: Placements, standing: Standing | None) -> Array:
     """Return a load in and about its link's frame, shape (N, 6); zero in poses without it."""
     R_root_link, p = at.R[:, load.link], at.p[:, load.link]
     n = len(table)
-    force = np.broadcast_to(load.force, (n, 3))
+    force: Array = np.broadcast_to(load.force, (n, 3))
     R_root_P = np.broadcast_to(np.eye(3), (n, 3, 3))
     if standing is not None:
         R_root_P = standing.R_root_P
         point = p + apply(R_root_link, load.point) - standing.p_root_P
         x = apply(np.swapaxes(R_root_P, 1, 2), point)
         force = force - (x - load.anchor) @ load.stiffness.T
+    elif load.poses is None:
+        force = np.zeros((n, 3))  # who hangs a robot up takes cables off, and nothing else touches
     in_link = apply(np.swapaxes(R_root_link, 1, 2), apply(R_root_P, force))
     if load.poses is not None:
         in_link = in_link * np.array([[float(pose in load.poses)] for pose in table.pose])

@@ -296,8 +296,8 @@ def _mass(console: Console, calibration: Calibration) -> None:
         print_lines(console, [line], style="bold")
         return
     line = (
-        f"{_pm(solution.mass, solution.mass_sigma)} kg measured, {urdf:.3f} kg in the URDF "
-        f"({solution.mass - urdf:+.3f} kg)"
+        f"{_pm(solution.mass, solution.mass_sigma)} kg measured, {urdf:.3f} kg in "
+        f"{calibration.reference} ({solution.mass - urdf:+.3f} kg)"
     )
     lines = [line]
     if urdf > 0.0 and abs(solution.mass - urdf) > EXCESS * solution.mass_sigma:

@@ -16,6 +16,7 @@ from comcal.identify.calibration import MISFIT
 from comcal.identify.model_error import ModelError
 from comcal.identify.solution import MEASURED, PRIOR
 from comcal.report.console import PLUS_MINUS, print_lines, print_table
+from comcal.report.export_extension import part_lines
 from comcal.robot.findings import Finding
 
 MM = 1e3
@@ -41,6 +42,9 @@ class Summary:
         What is doubtful about the new URDF and was not about the old one.
     files : tuple of Path
         What was written.
+    parts : tuple of (str, str)
+        Changes of the model that the session was solved with, and where each belongs; empty where
+        the URDF holds it.
     """
 
     model: CalibratedModel
@@ -51,6 +55,12 @@ class Summary:
     after: ModelError
     findings: tuple[Finding, ...]
     files: tuple[Path, ...]
+    parts: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def reference(self) -> str:
+        """What the fit started from."""
+        return "the URDF with the model" if self.parts else "the URDF"
 
 
 def exported_json(summary: Summary) -> dict[str, Any]:
@@ -117,6 +127,7 @@ def notes(summary: Summary) -> list[str]:
     model, before, after = summary.model, summary.before, summary.after
     solution = model.solution
     urdf = solution.adjustment.unknowns.robot.tree.total_mass
+    there = summary.reference
     measured = f"{solution.mass:.3f}{PLUS_MINUS}{solution.mass_sigma:.3f} kg measured"
     found = [
         f"total CoM off the measured line on these {len(after.poses)} poses: "
@@ -127,19 +138,19 @@ def notes(summary: Summary) -> list[str]:
         found.append("mass: not measured, so neither is the total CoM")
     elif solution.adjustment.unknowns.free_masses:
         found.append(
-            f"mass: {measured}, {urdf:.3f} kg in the URDF: masses of links were looked for, and "
+            f"mass: {measured}, {urdf:.3f} kg in {there}: masses of links were looked for, and "
             "are written with inertias in proportion"
         )
     elif model.mass_ratio == 1.0:
-        found.append(f"mass: {measured}, {urdf:.3f} kg in the URDF, which agrees and stays")
+        found.append(f"mass: {measured}, {urdf:.3f} kg in {there}, which agrees and stays")
     elif model.masses_written:
         found.append(
-            f"mass: {measured}, {urdf:.3f} kg in the URDF: all masses and inertias are "
+            f"mass: {measured}, {urdf:.3f} kg in {there}: all masses and inertias are "
             f"multiplied by {model.mass_ratio:.4f}"
         )
     else:
         found.append(
-            f"mass: {measured}, {urdf:.3f} kg in the URDF: the masses stay, for a common factor "
+            f"mass: {measured}, {urdf:.3f} kg in {there}: the masses stay, for a common factor "
             f"({model.mass_ratio:.4f}) cannot be told from a gain of the sensors (--scale-masses "
             "writes it). The CoMs are those that give the measured total CoM either way, and "
             "differ from the table of solve"
@@ -156,15 +167,18 @@ def notes(summary: Summary) -> list[str]:
             f"the model does not explain the data within their noise (p = {solution.misfit_p:.0e}, "
             f"limit {MISFIT:g}): the sigmas are too small"
         )
+    found += part_lines(summary.parts)
     found += [f"{f.level.value}: {f.where}: {f.what} ({f.measured})" for f in summary.findings]
     return found
 
 
 def _component(link: ModelLink, axis: int) -> str:
     """Return one component with its change from the URDF and the mark of its provenance."""
+    change = (link.com[axis] - link.urdf_com[axis]) * MM
+    if link.provenance[axis] == PRIOR and abs(change) > HARDLY:
+        return f"{link.com[axis] * MM:.2f} ({change:+.2f}) model"
     if link.provenance[axis] == PRIOR:
         return f"{link.com[axis] * MM:.2f} URDF"
-    change = (link.com[axis] - link.urdf_com[axis]) * MM
     moved = f" ({change:+.2f})" if abs(change) > HARDLY else " (0)"
     mark = "" if link.provenance[axis] == MEASURED else " s"
     return f"{link.com[axis] * MM + 0.0:.2f}{moved}{mark}"

@@ -16,6 +16,8 @@ What a value means is its sign convention: *what is true minus what the model as
 - ``foot_placement``: the true sole in the sole frame that is assumed (roll, pitch, yaw as in URDF).
 - ``sole_compliance``: the foot turns against the floor by -(tilt_x tx, tilt_y ty, 0), with the
   ground's moment on the robot about the sensor origin, in sole axes: it sinks where it is loaded.
+- ``timing_skew``: reading(t) = true(t - time); ``not_settled``: what is read at a slope of dw/dt
+  comes to rest at reading + time dw/dt.
 - Forces and stiffness: axes of P, at the link's origin unless a point (link frame) is given;
   tether: force - k (x - x_first).
 """

@@ -1,38 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writing new masses and CoMs into a URDF without touching anything else.
+"""Writing new masses, CoMs and joint origins into a URDF without touching anything else.
 
-A parser that writes the file anew loses comments, line ends, the order of attributes and the way
-numbers were written, and then nobody can read the difference. Here the file stays bytes: a
-streaming parser says where the numbers stand, and only those that changed are replaced. Comments,
-CDATA and ``<inertial>`` elsewhere than directly in a link of the robot are never looked into.
+Numbers are replaced where they stand (:mod:`comcal.robot.urdf_bytes`). Comments, CDATA and
+elements elsewhere than directly in a link or joint of the robot are never looked into.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from xml.parsers import expat
 
 import numpy as np
 
 from comcal.errors import ComcalError, UrdfError
-from comcal.robot.tree import Link, Tree
+from comcal.robot.frames import rotation_from_rpy
+from comcal.robot.tree import Array, Link, Tree
 from comcal.robot.urdf import parse_urdf
-from comcal.robot.urdf_xml import current_declaration
+from comcal.robot.urdf_bytes import (
+    LENGTH_STEP,
+    Replacement,
+    attributes,
+    new_origin,
+    replaced,
+    walk_tags,
+)
 
-COM_STEP = 1e-8
-"""Step to which CoMs are written [m]: far below what any force sensor resolves, so that rounding
-some thirty links stays invisible too. A number closer than half of it to the new one stays."""
 DIGITS = 9
 """Significant digits of masses and moments of inertia."""
 
 _CHILDREN = ("origin", "mass", "inertia")
-_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_TAG = re.compile(rb"<[^\s/>]+(?:[^\"'>]|\"[^\"]*\"|'[^']*')*>")
-_ATTRIBUTE = re.compile(rb"([^\s=/<>\"']+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
-_BLANK = re.compile(rb"[ \t\r\n]*")
-_WORD = re.compile(rb"[^ \t\r\n]+")
+_MOMENTS = {
+    "ixx": (0, 0),
+    "ixy": (0, 1),
+    "ixz": (0, 2),
+    "iyy": (1, 1),
+    "iyz": (1, 2),
+    "izz": (2, 2),
+}
 
 
 @dataclass(frozen=True)
@@ -47,25 +51,28 @@ class InertialEdit:
     factor : float
         Mass and moments of inertia are multiplied by it: the same body, denser. At 1 they keep
         what is written.
+    joined : tuple of (float, array of shape (3, 3)), optional
+        Mass [kg] and moments of inertia, about the CoM and in the axes of the link [kg m^2], that
+        a body joined to the link adds to that.
     """
 
     link: str
     com: tuple[float | None, float | None, float | None] = (None, None, None)
     factor: float = 1.0
+    joined: tuple[float, Array] | None = None
 
 
 @dataclass(frozen=True)
-class _Replacement:
-    """New bytes for ``raw[start:end]``."""
+class OriginEdit:
+    """How far the ``<origin>`` of one joint is to move, in the frame of its parent link [m]."""
 
-    start: int
-    end: int
-    new: bytes
+    joint: str
+    shift: tuple[float, float, float]
 
 
 @dataclass
-class _Inertial:
-    """Offsets of the start tags of an ``<inertial>`` and of its first children."""
+class _Element:
+    """Offsets of the start tag of an element and of its first children."""
 
     start: int
     children: dict[str, int] = field(default_factory=dict[str, int])
@@ -74,8 +81,8 @@ class _Inertial:
 def write_inertials(raw: bytes, name: str, edits: Sequence[InertialEdit]) -> bytes:
     """Return a URDF with other inertials, every other byte as it was.
 
-    The rotation of an inertial's ``<origin>`` and its tensor about the CoM stay. Where there is no
-    ``<origin>``, or one without ``xyz``, it is added. The result is read back and compared.
+    The rotation of an inertial's ``<origin>`` stays. Where there is no ``<origin>``, or one without
+    ``xyz``, it is added. The result is read back and compared.
 
     Parameters
     ----------
@@ -100,7 +107,7 @@ def write_inertials(raw: bytes, name: str, edits: Sequence[InertialEdit]) -> byt
     """
     before = parse_urdf(raw, name)
     found = _find_inertials(raw, name)
-    replacements: list[_Replacement] = []
+    replacements: list[Replacement] = []
     for edit in edits:
         if edit.link not in found:
             raise UrdfError(
@@ -109,129 +116,108 @@ def write_inertials(raw: bytes, name: str, edits: Sequence[InertialEdit]) -> byt
                 next_step="give the link an <inertial>, or join it to one that has",
             )
         replacements += _replacements(raw, found[edit.link], edit)
-    new = raw
-    for r in sorted(replacements, key=lambda r: r.start, reverse=True):
-        new = new[: r.start] + r.new + new[r.end :]
+    new = replaced(raw, replacements)
     _check(before, parse_urdf(new, name), edits, name)
     return new
 
 
-def _find_inertials(raw: bytes, name: str) -> Mapping[str, _Inertial]:
+def write_origins(raw: bytes, name: str, edits: Sequence[OriginEdit]) -> bytes:
+    """Return a URDF with other joint origins, every other byte as it was.
+
+    Parameters
+    ----------
+    raw : bytes
+    name : str
+        Of the file, for messages.
+    edits : sequence of OriginEdit
+
+    Raises
+    ------
+    UrdfError
+        If the URDF cannot be read, or has no such joint.
+    ComcalError
+        If the result, read back, is not what was asked for.
+    """
+    before = parse_urdf(raw, name)
+    found = _find_joints(raw, name)
+    shifts: dict[str, Array] = {}
+    for edit in edits:
+        if edit.joint not in found:
+            raise UrdfError(f"there is no joint {edit.joint!r}", where=name)
+        shifts[edit.joint] = shifts.get(edit.joint, np.zeros(3)) + edit.shift
+    wanted = {
+        joint.name: joint.T_parent_joint[:3, 3] + shifts.get(joint.name, np.zeros(3))
+        for joint in before.joints
+    }
+    replacements: list[Replacement] = []
+    for joint in shifts:
+        at = found[joint]
+        xyz = wanted[joint].tolist()
+        replacements += new_origin(raw, at.start, at.children.get("origin"), xyz)
+    new = replaced(raw, replacements)
+    after = {joint.name: joint.T_parent_joint[:3, 3] for joint in parse_urdf(new, name).joints}
+    if not all(np.abs(after[j] - xyz).max() <= LENGTH_STEP for j, xyz in wanted.items()):
+        raise _not_as_meant(name)
+    return new
+
+
+def _find_inertials(raw: bytes, name: str) -> Mapping[str, _Element]:
     """Return where the first ``<inertial>`` of every link of the robot stands."""
-    if b"\0" in raw:
-        raise UrdfError(
-            "the file is not in an encoding that contains ASCII",
-            where=name,
-            next_step="save it as UTF-8",
-        )
-    found: dict[str, _Inertial] = {}
-    path: list[tuple[str, str]] = []
-    parser = expat.ParserCreate()
+    found: dict[str, _Element] = {}
 
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        tags = [parent for parent, _ in path]
-        here = parser.CurrentByteIndex
-        if tags == ["robot", "link"] and tag == "inertial":
-            _ = found.setdefault(path[1][1], _Inertial(here))
-        elif tags == ["robot", "link", "inertial"] and tag in _CHILDREN:
-            inertial = found[path[1][1]]
+    def on_tag(tags: Sequence[str], names: Sequence[str], starts: Sequence[int], here: int) -> None:
+        if list(tags) == ["robot", "link", "inertial"]:
+            _ = found.setdefault(names[1], _Element(here))
+        elif list(tags[:-1]) == ["robot", "link", "inertial"] and tags[-1] in _CHILDREN:
+            inertial = found[names[1]]
             if inertial.start == starts[-1]:
-                _ = inertial.children.setdefault(tag, here)
-        path.append((tag, attributes.get("name", "").strip()))
-        starts.append(here)
+                _ = inertial.children.setdefault(tags[-1], here)
 
-    def end(_: str) -> None:
-        del path[-1], starts[-1]
-
-    starts: list[int] = []
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    try:
-        _ = parser.Parse(current_declaration(raw), True)
-    except expat.ExpatError as error:
-        raise UrdfError(
-            f"not valid XML: {expat.ErrorString(error.code)}", where=f"{name}:{error.lineno}"
-        ) from error
+    walk_tags(raw, name, on_tag)
     return found
 
 
-def _replacements(raw: bytes, inertial: _Inertial, edit: InertialEdit) -> Iterable[_Replacement]:
+def _find_joints(raw: bytes, name: str) -> Mapping[str, _Element]:
+    """Return where every joint of the robot stands, and its ``<origin>``."""
+    found: dict[str, _Element] = {}
+
+    def on_tag(tags: Sequence[str], names: Sequence[str], starts: Sequence[int], here: int) -> None:
+        if list(tags) == ["robot", "joint"]:
+            _ = found.setdefault(names[1], _Element(here))
+        elif list(tags) == ["robot", "joint", "origin"] and found[names[1]].start == starts[-1]:
+            _ = found[names[1]].children.setdefault("origin", here)
+
+    walk_tags(raw, name, on_tag)
+    return found
+
+
+def _replacements(raw: bytes, inertial: _Element, edit: InertialEdit) -> Iterable[Replacement]:
     """Yield what changes in one ``<inertial>``."""
+    origin = inertial.children.get("origin")
     if any(value is not None for value in edit.com):
-        yield from _new_origin(raw, inertial, edit.com)
-    if edit.factor == 1.0:
+        yield from new_origin(raw, inertial.start, origin, edit.com)
+    if edit.factor == 1.0 and edit.joined is None:
         return
-    for tag, attributes in (("mass", ("value",)), ("inertia", _MOMENTS)):
+    more, moments = edit.joined or (0.0, np.zeros((3, 3)))
+    R = _rotation(raw, origin)
+    added = {name: float((R.T @ moments @ R)[at]) for name, at in _MOMENTS.items()}
+    for tag, more_of in (("mass", {"value": more}), ("inertia", added)):
         if tag not in inertial.children:
             continue
-        spans = _attributes(raw, inertial.children[tag])
-        for attribute in attributes:
+        spans = attributes(raw, inertial.children[tag])
+        for attribute, summand in more_of.items():
             if attribute in spans:
                 start, end = spans[attribute]
-                value = float(raw[start:end].decode("ascii")) * edit.factor
-                yield _Replacement(start, end, f"{value:.{DIGITS}g}".encode())
+                value = float(raw[start:end].decode("ascii")) * edit.factor + summand
+                yield Replacement(start, end, f"{value:.{DIGITS}g}".encode())
 
 
-def _new_origin(
-    raw: bytes, inertial: _Inertial, com: Sequence[float | None]
-) -> Iterable[_Replacement]:
-    """Yield the change of ``xyz``: number by number where they stand, else added."""
-    if "origin" in inertial.children:
-        start = inertial.children["origin"]
-        spans = _attributes(raw, start)
-        if "xyz" in spans:
-            yield from _new_numbers(raw, spans["xyz"], com)
-            return
-        at, before = start + len(b"<origin"), b' xyz="'
-        after = b'"'
-    else:
-        # A child of its own, set off as the first child is.
-        at = _tag_end(raw, inertial.start)
-        blank = _BLANK.match(raw, at)
-        before = (blank.group() if blank else b"") + b'<origin xyz="'
-        after = b'"/>'
-    values = [0.0 if value is None else value for value in com]
-    if any(abs(value) > 0.5 * COM_STEP for value in values):
-        yield _Replacement(at, at, before + " ".join(map(_metres, values)).encode() + after)
-
-
-def _new_numbers(
-    raw: bytes, span: tuple[int, int], com: Sequence[float | None]
-) -> Iterable[_Replacement]:
-    """Yield the replacement of those numbers of ``xyz`` that changed."""
-    words = [(m.start(), m.end()) for m in _WORD.finditer(raw, *span)]
-    for (start, end), value in zip(words, com, strict=True):
-        if value is not None and abs(float(raw[start:end]) - value) > 0.5 * COM_STEP:
-            yield _Replacement(start, end, _metres(value).encode())
-
-
-def _metres(value: float) -> str:
-    """Return a length to the step of 1e-8 m, without idle zeros."""
-    text = f"{value:.8f}".rstrip("0").rstrip(".")
-    return "0" if text == "-0" else text
-
-
-def _tag_end(raw: bytes, start: int) -> int:
-    """Return the offset after the ``>`` of the tag that begins at *start*."""
-    tag = _TAG.match(raw, start)
-    return tag.end() if tag else start
-
-
-def _attributes(raw: bytes, start: int) -> dict[str, tuple[int, int]]:
-    """Return where the values of a start tag's attributes stand, without their quotes."""
-    spans: dict[str, tuple[int, int]] = {}
-    for match in _ATTRIBUTE.finditer(raw, start, _tag_end(raw, start)):
-        group = 2 if match.group(2) is not None else 3
-        if b"&" in match.group(group):
-            line = 1 + raw.count(b"\n", 0, start)
-            raise UrdfError(
-                "a number is written with a character reference, which is not edited in place",
-                where=f"line {line}",
-                measured=match.group().decode("ascii", "replace"),
-                next_step="write it as a plain decimal number",
-            )
-        spans[match.group(1).decode("utf-8", "replace")] = match.span(group)
-    return spans
+def _rotation(raw: bytes, origin: int | None) -> Array:
+    """Return the axes of an ``<inertial>`` in those of its link."""
+    span = None if origin is None else attributes(raw, origin).get("rpy")
+    if span is None:
+        return np.eye(3)
+    return rotation_from_rpy([float(word) for word in raw[slice(*span)].split()])
 
 
 def _check(before: Tree, after: Tree, edits: Sequence[InertialEdit], name: str) -> None:
@@ -243,11 +229,15 @@ def _check(before: Tree, after: Tree, edits: Sequence[InertialEdit], name: str) 
         for old, new in zip(before.links, after.links, strict=True)
     )
     if not same:
-        raise ComcalError(
-            "the URDF read back differs from the one that was to be written",
-            where=name,
-            next_step="report this with the file; nothing was written",
-        )
+        raise _not_as_meant(name)
+
+
+def _not_as_meant(name: str) -> ComcalError:
+    return ComcalError(
+        "the URDF read back differs from the one that was to be written",
+        where=name,
+        next_step="report this with the file; nothing was written",
+    )
 
 
 def _edited(link: Link, edit: InertialEdit | None) -> Link:
@@ -255,11 +245,12 @@ def _edited(link: Link, edit: InertialEdit | None) -> Link:
     if edit is None:
         return link
     com = [old if new is None else new for old, new in zip(link.com, edit.com, strict=True)]
+    more, moments = edit.joined or (0.0, np.zeros((3, 3)))
     return replace(
         link,
-        mass=link.mass * edit.factor,
+        mass=link.mass * edit.factor + more,
         com=np.array(com),
-        inertia=link.inertia * edit.factor,
+        inertia=link.inertia * edit.factor + moments,
     )
 
 
@@ -270,6 +261,6 @@ def _same_inertial(wanted: Link, found: Link) -> bool:
         wanted.name == found.name
         and wanted.has_inertial == found.has_inertial
         and abs(wanted.mass - found.mass) <= rounding * abs(wanted.mass)
-        and np.all(np.abs(wanted.com - found.com) <= COM_STEP)
+        and np.all(np.abs(wanted.com - found.com) <= LENGTH_STEP)
         and np.all(np.abs(wanted.inertia - found.inertia) <= 10.0 * rounding * size)
     )

@@ -40,7 +40,7 @@ class BalanceCoefficients:
     values : array, shape (N, 4)
         alpha [m], beta [1], gamma [m], delta [1].
     cov : array, shape (N, 4, 4)
-        From wrench, tare and encoder errors.
+        From wrench, tare and encoder errors, and what all poses share.
     mass, mass_sigma : array, shape (N,)
         Carried mass |F|/g [kg].
     """
@@ -133,6 +133,10 @@ def balance_coefficients(robot: Robot, table: PoseTable) -> BalanceCoefficients:
         X, D = to_stance(carrier, at), _angle_jacobian(robot, carrier, part.q, w)
         w_P_cov = np.einsum("nsij,nsjk,nslk->nil", X, w_cov, X, optimize=True)
         w_P_cov += np.einsum("nij,nj,nkj->nik", D, part.q_cov, D)
+        for shift in part.shared.values():
+            moved = np.stack([shift.wrench[s] for s in carrier.sensors], axis=1)
+            root = np.einsum("nsij,nsj->ni", X, moved) + np.einsum("nij,nj->ni", D, shift.q)
+            w_P_cov += root[:, :, None] * root[:, None]
         J = coefficients_jacobian(w_P)
         values[rows] = coefficients_from_wrench(w_P)
         cov[rows] = J @ w_P_cov @ np.swapaxes(J, 1, 2)

@@ -12,17 +12,23 @@ from pathlib import Path
 
 import numpy as np
 
+from comcal.effects.extend import Extended
 from comcal.errors import UsageError
 from comcal.identify.calibration import Calibration, Method, calibrate
 from comcal.identify.consistent import consistent_fit
 from comcal.identify.prior import with_prior
 from comcal.identify.scope import Scope
+from comcal.measure.plausibility import check_plausible
 from comcal.measure.session import Session, open_session
-from comcal.measure.session_poses import session_poses
+from comcal.measure.session_poses import session_poses, unjudged_poses
 from comcal.measure.table import PoseTable
 from comcal.report.calibration_json import calibration_json
 from comcal.robot.description import load_robot
 from comcal.robot.model import Robot
+from comcal.workflow.known_model import KnownModel, model_json, model_notes
+
+MODEL = "the model"
+"""What masses and CoMs are compared with where a session is solved with a model."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +46,9 @@ class Solved:
     files: tuple[Path, ...]
 
 
-def load_session(directory: Path, drop: Sequence[int] = ()) -> tuple[Session, Robot, PoseTable]:
+def load_session(
+    directory: Path, drop: Sequence[int] = (), *, doubtful: bool = False
+) -> tuple[Session, Robot, PoseTable]:
     """Read a session folder: its frozen robot and its plausible poses.
 
     Parameters
@@ -48,6 +56,8 @@ def load_session(directory: Path, drop: Sequence[int] = ()) -> tuple[Session, Ro
     directory : Path
     drop : sequence of int
         Pose ids to leave out.
+    doubtful : bool
+        Let poses that cannot be right pass with a note.
 
     Raises
     ------
@@ -58,10 +68,65 @@ def load_session(directory: Path, drop: Sequence[int] = ()) -> tuple[Session, Ro
     """
     session = open_session(directory)
     robot = load_robot(session.robot_yaml)
-    table = session_poses(session, robot)
+    table = session_poses(session, robot, doubtful=doubtful)
+    return session, robot, without_poses(table, drop, session)
+
+
+def without_poses(table: PoseTable, drop: Sequence[int], session: Session) -> PoseTable:
+    """Leave poses out of a table by their ids.
+
+    Raises
+    ------
+    UsageError
+        If one is not there.
+    """
     _refuse_absent(table, drop, "drop", session)
-    kept = np.array([pose not in drop for pose in table.pose], dtype=np.bool_)
-    return session, robot, table.select(kept)
+    return table.select(np.array([pose not in drop for pose in table.pose], dtype=np.bool_))
+
+
+@dataclass(frozen=True)
+class ExtendedSession:
+    """A session as a model understands it.
+
+    Parameters
+    ----------
+    nominal : Robot
+        As in the session's URDF.
+    raw : PoseTable
+        The readings as they stand.
+    extended : Extended
+        Robot and readings, all poses.
+    """
+
+    session: Session
+    nominal: Robot
+    raw: PoseTable
+    extended: Extended
+
+
+def load_extended(directory: Path, model: KnownModel) -> ExtendedSession:
+    """Read a session folder, and correct robot and readings by a model.
+
+    Whether the readings can be true is judged as the model understands them: a wrong unit that it
+    knows of is none any more.
+
+    Raises
+    ------
+    UsageError, ConfigError, DataError
+        As of :func:`load_session` and of :meth:`KnownModel.of`.
+    """
+    session = open_session(directory)
+    nominal = load_robot(session.robot_yaml)
+    if not nominal.tree.geometry_known:
+        raise UsageError(
+            "this session is of a chain without URDF, which no effect can be applied to",
+            where=str(session.robot_yaml),
+            next_step="leave out --model",
+        )
+    raw = unjudged_poses(session, nominal)
+    extended = model.of(nominal, raw)
+    check_plausible(extended.table, extended.robot)
+    return ExtendedSession(session, nominal, raw, extended)
 
 
 def _refuse_absent(table: PoseTable, poses: Sequence[int], to_do: str, session: Session) -> None:
@@ -83,6 +148,7 @@ def solve_session(
     strength: float | None = None,
     consistent: bool = False,
     held_out: Sequence[int] = (),
+    model: KnownModel | None = None,
 ) -> Solved:
     """Calibrate a session and write ``results/NNN/result.json`` and ``used.csv``.
 
@@ -100,6 +166,8 @@ def solve_session(
         Look for the nearest physically possible robot as well.
     held_out : sequence of int
         Pose ids to predict and not to fit; without any, the all-data route cross-validates.
+    model : KnownModel, optional
+        Known changes, by which robot and readings are corrected first.
 
     Raises
     ------
@@ -109,7 +177,14 @@ def solve_session(
     MissingExtraError
         If the convex solver is needed and not installed.
     """
-    session, robot, table = load_session(directory, drop)
+    if model is None:
+        given = None
+        session, robot, table = load_session(directory, drop)
+    else:
+        given = load_extended(directory, model)
+        session, robot, table = given.session, given.extended.robot, given.extended.table
+        table = replace(table, notes=(*model_notes(model, given.extended), *table.notes))
+        table = without_poses(table, drop, session)
     left_out = None
     if held_out:
         _refuse_absent(table, held_out, "hold out", session)
@@ -118,8 +193,24 @@ def solve_session(
     calibration = calibrate(robot, table, method, scope or Scope(torques=True), left_out)
     if strength is not None or consistent:
         calibration = _with_assumptions(calibration, strength, consistent=consistent)
-    result = calibration_json(calibration, input_hashes(session, robot))
+    if model is not None and given is not None:
+        calibration = _against_model(calibration)
+        result = calibration_json(calibration, input_hashes(session, robot))
+        result["model"] = model_json(model, given.extended)
+        if result["mass"] is not None:
+            masses = {"urdf": given.nominal.tree.total_mass, "model": robot.tree.total_mass}
+            result["mass"] |= masses
+    else:
+        result = calibration_json(calibration, input_hashes(session, robot))
     return Solved(session, calibration, write_result(session, result))
+
+
+def _against_model(calibration: Calibration) -> Calibration:
+    """Say that masses are judged against the model instead of the URDF."""
+    checks = tuple(
+        replace(check, name=check.name.replace("the URDF", MODEL)) for check in calibration.checks
+    )
+    return replace(calibration, checks=checks, reference=MODEL)
 
 
 def _with_assumptions(

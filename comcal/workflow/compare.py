@@ -95,9 +95,20 @@ def _comparison(
     notes = [how]
     if one.get("robot") != other.get("robot"):
         notes.append(f"the robots are called {one.get('robot')!r} and {other.get('robot')!r}")
+    models = [_effects(content) for content in (one, other)]
+    if models[0] != models[1]:
+        notes.append(
+            "they were solved with different models (solve --model): a change may be one of the "
+            "model, not of the robot"
+        )
     if one.get("sha256", {}).get("poses.csv") == other.get("sha256", {}).get("poses.csv"):
         notes.append("both are of the same poses.csv, so their readings are not independent")
     return Comparison(str(a), str(b), changes, posture, tuple(notes))
+
+
+def _effects(content: dict[str, Any]) -> object:
+    """Return the effects that a result takes as known."""
+    return (content.get("model") or {}).get("effects") or []
 
 
 def _expect_same_links(one: dict[str, Any], other: dict[str, Any], where: Path) -> None:

@@ -1,25 +1,57 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``comcal demo``: a simulated biped is generated, measured and solved in one go."""
+"""``comcal demo``: a simulated biped hides a fault, is measured, diagnosed, mended and judged."""
 
 from __future__ import annotations
 
+import secrets
 import shutil
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TypeVar
 
-from comcal.errors import MissingExtraError, UsageError
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from comcal.errors import ComcalError, DataError, MissingExtraError, UsageError
+from comcal.identify.calibration import Calibration
+from comcal.measure.plan import NONE, PlannedPose
+from comcal.measure.plan_csv import read_plan, write_plan
 from comcal.measure.progress import OnEvent, ignore
-from comcal.workflow.calibrate import Solved, solve_session
-from comcal.workflow.record import RecordOrder, record_session
+from comcal.measure.session import Session
+from comcal.report.demo import DemoStory
+from comcal.report.demo_truth import Judgement, judge
+from comcal.report.rerun import RerunGain
+from comcal.robot.changes import Change
+from comcal.robot.changes_text import parse_change
+from comcal.robot.description import load_robot
+from comcal.robot.model import Robot
+from comcal.workflow.calibrate import load_session, solve_session
+from comcal.workflow.demo_fault import draw_fault
+from comcal.workflow.diagnose import Diagnosed, diagnose_session
+from comcal.workflow.known_model import KnownModel, read_model
+from comcal.workflow.record import SEED_BITS, RecordOrder, record_session
+from comcal.workflow.rerun import rerun_gain
 from comcal.workflow.robots import robot_generator
+from comcal.workflow.sealed import read_truth, truth_path
+
+_T = TypeVar("_T")
 
 ENGINES = ("pybullet", "mujoco")
 """In order of preference; without any of them the built-in statics serve."""
 BUILTIN = "builtin"
+ROBOT = "biped14"
 FOLDER = "comcal-demo"
+NOTHING = "none"
+"""The effect that is none: nothing is hidden."""
+POSES = 28
+"""Poses of the plan that are measured, at most: the rest would only take longer."""
+HELD_OUT_EVERY = 4
+"""One standing pose of so many takes no part, and shows later what the extended model is worth."""
+_DRAWS, _BOOTSTRAP = 1, 2
+"""Random streams of a demo's seed, beside those of the sensors."""
 
 
 @dataclass(frozen=True)
@@ -31,20 +63,62 @@ class EngineChoice:
 
 
 @dataclass(frozen=True)
+class DemoOrder:
+    """What a demo is to do.
+
+    Parameters
+    ----------
+    parent : Path
+        Folder in which the first free of ``comcal-demo``, ``comcal-demo-2``, ... is made.
+    robot : str
+        Entry point of the group ``comcal.robots``.
+    source : str or None
+        None: the best engine that is installed.
+    seed : int or None
+        Of the fault and of the noise; None: a fresh one.
+    effects : tuple of str
+        What to hide, as typed after ``--effect``; ``none`` alone hides nothing. Empty: one fault,
+        drawn.
+    """
+
+    parent: Path
+    robot: str = ROBOT
+    source: str | None = None
+    seed: int | None = None
+    effects: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Begun:
+    """What is told of a demo before it measures.
+
+    Parameters
+    ----------
+    poses : int
+        How many will be measured.
+    """
+
+    choice: EngineChoice
+    robot: Robot
+    poses: int
+    seed: int
+
+
+@dataclass(frozen=True)
 class Demo:
-    """What a demo made.
+    """What a demo made, and how it compares with what was hidden.
 
     Parameters
     ----------
     directory : Path
-        Holds ``robot/`` and ``session/``.
+        Holds ``robot/``, ``session/`` and ``session.truth.yaml``.
     """
 
-    choice: EngineChoice
-    seed: int
+    begun: Begun
     directory: Path
-    robot_yaml: Path
-    solved: Solved
+    session: Session
+    story: DemoStory
+    judgement: Judgement
 
 
 def choose_engine(wanted: str | None = None) -> EngineChoice:
@@ -63,48 +137,155 @@ def choose_engine(wanted: str | None = None) -> EngineChoice:
 
 
 def run_demo(
-    parent: Path,
-    robot: str = "table1",
-    source: str | None = None,
-    seed: int | None = None,
-    on_choice: Callable[[EngineChoice], None] = lambda _: None,
+    order: DemoOrder,
+    on_begin: Callable[[Begun], None] = lambda _: None,
     on_event: OnEvent = ignore,
 ) -> Demo:
-    """Generate a robot, record its plan in simulation, solve the session.
+    """Hide a fault in a generated robot, measure it, say what is wrong, and what mending gains.
+
+    What is hidden goes into the simulator and into the truth beside the session; everything after
+    the recording works from the session folder alone. The truth is read when all is on disk.
 
     Parameters
     ----------
-    parent : Path
-        Folder in which the first free of ``comcal-demo``, ``comcal-demo-2``, ... is made.
-    robot : str
-        Entry point of the group ``comcal.robots``.
-    source : str or None
-        None: the best engine that is installed.
-    seed : int or None
-        None: a fresh one.
-    on_choice, on_event : callable
-        Told of the engine chosen, then of the recording as it goes.
+    order : DemoOrder
+    on_begin, on_event : callable
+        Told of what is about to be measured, then of the recording as it goes.
 
     Raises
     ------
     UsageError
-        If there is no such robot.
+        If there is no such robot, or an effect is not valid for it.
     MissingExtraError
-        If *source* is not installed, or the simulated robots are not.
+        If the source is not installed, or the simulated robots are not.
+    DataError
+        If what is hidden leaves nothing to diagnose.
     """
-    choice = choose_engine(source)
-    on_choice(choice)
-    generate = robot_generator(robot)
-    directory = _free_folder(parent)
-    robot_yaml = generate(directory / "robot")
-    order = RecordOrder(robot_yaml, directory / "session", choice.source, seed=seed)
+    generate = robot_generator(order.robot)
+    typed = _typed(order.effects)
+    choice = choose_engine(order.source)
+    seed = secrets.randbits(SEED_BITS) if order.seed is None else order.seed
+    directory = _free_folder(order.parent)
     try:
-        outcome = record_session(order, on_event)
+        robot_yaml = generate(directory / "robot")
+        robot = load_robot(robot_yaml)
+        names = robot.tree.joint_names
+        poses = chosen_poses(read_plan(robot_yaml.with_name("plan.csv"), names))
+        plan = directory / "plan.csv"
+        write_plan(plan, poses, names)
+        hidden = typed
+        if typed is None:
+            hidden = (draw_fault(robot, np.random.default_rng((seed, _DRAWS))),)
+        begun = Begun(choice, robot, len(poses), seed)
+        on_begin(begun)
+        recording = RecordOrder(
+            robot_yaml,
+            directory / "session",
+            choice.source,
+            plan=plan,
+            seed=seed,
+            changes=hidden or (),
+        )
+        session = record_session(recording, on_event).session
     except (UsageError, MissingExtraError):
         shutil.rmtree(directory)  # made a moment ago, and nothing was measured
         raise
-    solved = solve_session(outcome.session.directory)
-    return Demo(choice, outcome.seed, directory, robot_yaml, solved)
+    with threadpool_limits(limits=1):  # small matrices: threads would only wait for one another
+        story = _story(session, choice.source, held_out(poses), seed)
+    return Demo(begun, directory, session, story, judge(_truth(session), story.diagnosis))
+
+
+def chosen_poses(plan: Sequence[PlannedPose]) -> tuple[PlannedPose, ...]:
+    """Return the poses of a plan that a demo has time for, spread evenly over it.
+
+    Parameters
+    ----------
+    plan : sequence of PlannedPose
+    """
+    if len(plan) <= POSES:
+        return tuple(plan)
+    rows = np.linspace(0, len(plan) - 1, POSES).round().astype(int)
+    return tuple(plan[i] for i in rows)
+
+
+def held_out(poses: Sequence[PlannedPose]) -> tuple[int, ...]:
+    """Return the ids of the poses that take no part in what is fitted.
+
+    Parameters
+    ----------
+    poses : sequence of PlannedPose
+    """
+    standing = [pose.pose for pose in poses if pose.support != NONE]
+    return tuple(standing[HELD_OUT_EVERY - 1 :: HELD_OUT_EVERY])
+
+
+def _typed(effects: Sequence[str]) -> tuple[Change, ...] | None:
+    """Return what somebody asked to hide; None: nobody did."""
+    if not effects:
+        return None
+    if NOTHING not in effects:
+        return tuple(map(parse_change, effects))
+    if len(effects) > 1:
+        raise UsageError(
+            f"{NOTHING} hides nothing, and cannot be hidden beside something",
+            where=f"--effect {NOTHING}",
+            next_step="leave it out, or leave the others out",
+        )
+    return ()
+
+
+def _story(session: Session, source: str, fresh: tuple[int, ...], seed: int) -> DemoStory:
+    """Calibrate, diagnose, and do both halves again with the extended model."""
+    recorded = load_session(session.directory, doubtful=True)[2].pose
+    fresh = tuple(pose for pose in fresh if pose in recorded)
+    notes = list[str]()
+    nominal = _tried(lambda: _calibration(session, fresh), notes)
+    diagnosed = diagnose_session(session.directory, drop=fresh)
+    story = DemoStory(diagnosed.diagnosis, fresh, nominal, None, None)
+    if diagnosed.diagnosis.changes:
+        model = read_model(_extended_yaml(diagnosed))
+        story = replace(
+            story,
+            extended=_tried(lambda: _calibration(session, fresh, model), notes),
+            rerun=_tried(lambda: _rerun(diagnosed, source, fresh, seed), notes),
+        )
+    return replace(story, notes=tuple(dict.fromkeys(notes)))
+
+
+def _calibration(
+    session: Session, fresh: tuple[int, ...], model: KnownModel | None = None
+) -> Calibration:
+    return solve_session(session.directory, held_out=fresh, model=model).calibration
+
+
+def _rerun(diagnosed: Diagnosed, source: str, fresh: tuple[int, ...], seed: int) -> RerunGain:
+    _, robot, table = load_session(diagnosed.session.directory, doubtful=True)
+    rows = [i for i, pose in enumerate(table.pose) if pose in fresh]
+    rng = np.random.default_rng((seed, _BOOTSTRAP))
+    return rerun_gain(robot, table, source, diagnosed.diagnosis.changes, rng, chosen=rows)
+
+
+def _tried(work: Callable[[], _T], notes: list[str]) -> _T | None:
+    """Do a part of the story that some faults make impossible, and note why."""
+    try:
+        return work()
+    except (UsageError, DataError) as reason:
+        notes.append(_words(reason))
+        return None
+
+
+def _words(reason: ComcalError) -> str:
+    return f"{reason.where}: {reason.what}" if reason.where else reason.what
+
+
+def _extended_yaml(diagnosed: Diagnosed) -> Path:
+    return next(path for path in diagnosed.files if path.name == "extended.yaml")
+
+
+def _truth(session: Session) -> tuple[Change, ...]:
+    """Return what the session hides; without a truth beside it, nothing."""
+    there = truth_path(session.directory).exists()
+    return read_truth(session.directory).changes if there else ()
 
 
 def _free_folder(parent: Path) -> Path:

@@ -13,11 +13,13 @@ import numpy as np
 from comcal.errors import ConfigError, UsageError
 from comcal.identify.scope import Scope
 from comcal.identify.solution import LinkCom
-from comcal.measure.session import Session
+from comcal.measure.session import Session, open_session
 from comcal.measure.table import PoseTable
 from comcal.report.calibration_json import FORMAT
+from comcal.robot.description import load_robot
 from comcal.robot.model import Robot
-from comcal.workflow.calibrate import input_hashes, load_session
+from comcal.workflow.calibrate import input_hashes, load_extended, load_session
+from comcal.workflow.known_model import KnownModel, model_of_result
 
 SAME_NUMBER = 1e-6
 """A CoM computed again differs by rounding alone [m]."""
@@ -33,10 +35,18 @@ class LatestResult:
         Of ``result.json``.
     content : dict
         Of ``result.json``.
+    robot : Robot
+        As the result's model describes it.
     table : PoseTable
-        The poses that the all-data route used.
+        The poses that the all-data route used, as the result's model understands them.
     scope : Scope
         What it used and looked for.
+    nominal : Robot
+        As in the session's URDF.
+    raw : PoseTable
+        The same poses as they were read.
+    model : KnownModel or None
+        What the session was solved with; None: the nominal robot.
     """
 
     session: Session
@@ -45,6 +55,9 @@ class LatestResult:
     path: Path
     content: dict[str, Any]
     scope: Scope
+    nominal: Robot
+    raw: PoseTable
+    model: KnownModel | None = None
 
 
 def latest_result(directory: Path) -> LatestResult:
@@ -59,15 +72,16 @@ def latest_result(directory: Path) -> LatestResult:
     DataError
         As of :func:`~comcal.workflow.calibrate.load_session`.
     """
-    session, robot, table = load_session(directory)
+    session = open_session(directory)
+    robot = load_robot(session.robot_yaml)
     if not robot.tree.geometry_known:
         raise UsageError(
             "this robot is a chain without URDF, so there is no model to hand back",
             where=str(session.robot_yaml),
             next_step="give robot.yaml a `urdf:`",
         )
-    path = session.directory / "results" / "latest" / "result.json"
-    if not path.is_file():
+    path = session.newest_result("result.json")
+    if path is None:
         raise UsageError(
             "this session has no result yet",
             where=str(directory),
@@ -90,10 +104,20 @@ def latest_result(directory: Path) -> LatestResult:
             where=str(path),
             next_step=again,
         )
+    model = model_of_result(content, path)
+    if model is None:
+        _, robot, table = load_session(directory)
+        nominal, raw = robot, table
+    else:
+        given = load_extended(directory, model)
+        nominal, raw = given.nominal, given.raw
+        robot, table = given.extended.robot, given.extended.table
     fitted = set(content["fitted"])
     kept = np.array([pose in fitted for pose in table.pose], dtype=np.bool_)
     scope = Scope(**(content.get("scope") or {}))
-    return LatestResult(session, robot, table.select(kept), path, content, scope)
+    return LatestResult(
+        session, robot, table.select(kept), path, content, scope, nominal, raw.select(kept), model
+    )
 
 
 def read_result(path: Path) -> dict[str, Any]:

@@ -9,13 +9,15 @@ from comcal.errors import RankError, UrdfError, UsageError
 from comcal.identify.calibration import Check, Verdict
 from comcal.identify.model_error import model_error
 from comcal.measure.files import sha256_of
+from comcal.measure.plausibility import check_plausible
 from comcal.report.verify import Verification
 from comcal.robot.description import load_robot
 from comcal.robot.tree_differences import placement_differences, structure_differences
 from comcal.workflow.calibrate import load_session
+from comcal.workflow.known_model import KnownModel, model_notes
 
 
-def verify_model(directory: Path, urdf: Path) -> Verification:
+def verify_model(directory: Path, urdf: Path, model: KnownModel | None = None) -> Verification:
     """Predict the standing poses of a session with another URDF.
 
     The error of a pose is that of :mod:`comcal.identify.held_out`: the distance of the predicted
@@ -29,6 +31,9 @@ def verify_model(directory: Path, urdf: Path) -> Verification:
         where it states that.
     urdf : Path
         The model to be judged.
+    model : KnownModel, optional
+        Known changes that the URDF does not contain, such as errors of the readings: what export
+        writes with ``--rest``. The session's own URDF is judged without them.
 
     Raises
     ------
@@ -39,7 +44,7 @@ def verify_model(directory: Path, urdf: Path) -> Verification:
     UsageError, ConfigError, DataError
         As of :func:`~comcal.workflow.calibrate.load_session`.
     """
-    session, nominal, table = load_session(directory)
+    session, nominal, table = load_session(directory, doubtful=model is not None)
     if not nominal.tree.geometry_known:
         raise UsageError(
             "this session is of a chain without URDF, which no URDF can be compared with",
@@ -53,7 +58,14 @@ def verify_model(directory: Path, urdf: Path) -> Verification:
             where=str(urdf),
             next_step="give a URDF with the same links and joints",
         )
-    error = model_error(robot, table)
+    notes = list(table.notes)
+    readings = table
+    if model is not None:
+        extended = model.of(robot, table)
+        check_plausible(extended.table, extended.robot)
+        notes = [*model_notes(model, extended), *notes]
+        robot, readings = extended.robot, extended.table
+    error = model_error(robot, readings)
     if not error.poses:
         raise RankError(
             "no pose in which a foot with a sensor stands, so there is nothing to predict",
@@ -72,7 +84,6 @@ def verify_model(directory: Path, urdf: Path) -> Verification:
     if checks:
         verdict = Verdict.PASSED if all(check.passed for check in checks) else Verdict.FAILED
     moved = placement_differences(nominal.tree, robot.tree)
-    notes = list(table.notes)
     if moved:
         notes.append(f"joints placed otherwise than in the session's URDF: {', '.join(moved)}")
     return Verification(

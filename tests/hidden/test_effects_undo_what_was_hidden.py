@@ -60,25 +60,43 @@ HIDDEN = {
         "imu",
         "closure",
     },
+    "foot_placement@right:z=0.004,roll=0.01,pitch=-0.01": {
+        "equilibrium",
+        "sensor",
+        "torque",
+        "imu",
+        "closure",
+    },
+    "foot_placement@left:x=0.01,z=-0.003,roll=0.01": {
+        "equilibrium",
+        "sensor",
+        "torque",
+        "imu",
+        "closure",
+    },
     "cable_pull@torso:force_x=8,force_y=3": {"equilibrium"},
     "tether@torso:force_x=5,k_xx=80": {"equilibrium"},
     "external_contact@l_arm:force_x=10,poses=5": {"equilibrium", "torque"},
 }
 """What is hidden, and the kinds of rows that must move: no others."""
 
-NOT_HIDDEN = {"internal_torque_term"}
-"""Effects that no simulator can have: a mistake of a model."""
+NOT_HIDDEN = {"internal_torque_term", "inertia", "not_settled", "timing_skew"}
+"""Effects that a simulator at rest cannot have: a mistake of a model, and what shows in motion. A
+late sensor is hidden below; a sway, which slopes cannot take back, is left to the gates."""
 
 
-def readings(folder: Path, hidden: str) -> tuple[Robot, PoseTable]:
+def readings(
+    folder: Path, *hidden: str, source: str = "builtin", most: int | None = None
+) -> tuple[Robot, PoseTable]:
     robot_yaml = biped14.generate(folder / "robot")
     header, *rows = robot_yaml.with_name("plan.csv").read_text("utf-8").splitlines()
     chosen = [*rows[:40:4], *[row for row in rows if ",none" in row][:2]]
     plan = folder / "plan.csv"
-    plan.write_text("\n".join([header, *dict.fromkeys(chosen)]) + "\n", "utf-8")
+    plan.write_text("\n".join([header, *dict.fromkeys(chosen[:most])]) + "\n", "utf-8")
     session = folder / "session"
-    words = ["record", str(robot_yaml), "-s", str(session), "--source", "builtin", "--no-noise"]
-    assert main([*words, "--poses", str(plan), "--seed", "1", "--effect", hidden]) == 0
+    words = ["record", str(robot_yaml), "-s", str(session), "--source", source, "--no-noise"]
+    words += [word for change in hidden for word in ("--effect", change)]
+    assert main([*words, "--poses", str(plan), "--seed", "1"]) == 0
     robot = load_robot(session / "robot.yaml")
     return robot, read_poses(session / "poses.csv", robot)
 
@@ -109,5 +127,22 @@ def test_the_effect_of_the_same_name_takes_back_what_was_hidden(
         assert size < 0.01 * before[kind] + 1e-6, kind
 
 
+def test_a_late_sensor_of_a_swaying_robot_is_brought_up_to_date(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    sway, late = "not_settled:time=3", "timing_skew@l_foot:time=0.02"
+    _, on_time = readings(tmp_path / "sway", sway, source="mujoco", most=5)
+    robot, table = readings(tmp_path / "late", sway, late, source="mujoco", most=5)
+    np.testing.assert_array_equal(table.t, on_time.t)  # the same windows
+    change = parse_change(late)
+    _, undone = corrected(Assumed(robot), table, [change])
+    off = np.abs(table.wrench["l_foot"] - on_time.wrench["l_foot"]).max(axis=0)
+    left = np.abs(undone.wrench["l_foot"] - on_time.wrench["l_foot"]).max(axis=0)
+    assert np.all(off[[0, 2, 4]] > 0.005)
+    assert np.all(left < 0.2 * off)
+    np.testing.assert_array_equal(undone.wrench["r_foot"], on_time.wrench["r_foot"])
+
+
 def test_every_effect_that_is_looked_for_is_hidden_here() -> None:
-    assert {parse_change(text).effect for text in HIDDEN} | NOT_HIDDEN == set(effects())
+    # Mistakes of wiring, which have no size, are hidden in test_mistakes_are_undone.py.
+    sized = {name for name, effect in effects().items() if effect.fault}
+    assert {parse_change(text).effect for text in HIDDEN} | NOT_HIDDEN == sized

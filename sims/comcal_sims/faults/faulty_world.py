@@ -84,6 +84,7 @@ class FaultyWorld:
         self._series = SeriesElements(robot, changes)
         self._feet = FootFaults(robot, changes)
         self._stiction = Stiction(robot, changes)
+        self._side = dict[str, int]()
         self._sway = Sway(robot, changes)
         self._first = first
         self._anchors = dict[str, Array]()
@@ -110,7 +111,7 @@ class FaultyWorld:
             self._before = self._pose
         self._pose = pose
         pose = self._on_true_floor(pose)
-        approach = approach_signs(self._robot, pose, self._before)
+        approach = self._arrivals(approach_signs(self._robot, pose, self._before))
         fixed = encoder_errors(self._robot, self._changes, pose.q, approach)
         given = self._balanced(pose, fixed)
         self._errors = fixed + given.deflection
@@ -141,6 +142,11 @@ class FaultyWorld:
     def close(self) -> None:
         """Release the engine."""
         self._world.close()
+
+    def _arrivals(self, approach: Mapping[str, int]) -> Mapping[str, int]:
+        """Return from which side joints came last: play and stiction of one at rest stay."""
+        self._side.update({name: side for name, side in approach.items() if side})
+        return {name: self._side.get(name, 0) for name in approach}
 
     def _on_true_floor(self, pose: PlannedPose) -> PlannedPose:
         if self._robot.base is Base.FIXED:

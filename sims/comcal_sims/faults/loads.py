@@ -29,7 +29,7 @@ def loads_of(
     robot : Robot
     changes : sequence of Change
         Their forces and stiffness have the axes of P, hence of the floor. A robot that hangs is
-        free of cables and tethers; a contact that is stated for such a pose has world axes.
+        free of them all, but for a contact that is stated for that pose: in world axes.
     pose : PlannedPose
         On the true floor.
     first : dict from link name to array, shape (3,)
@@ -44,7 +44,7 @@ def loads_of(
         poses = change.poses()
         if poses is not None and pose.pose not in poses:
             continue
-        if hangs and change.effect != "external_contact":
+        if hangs and (poses is None or change.effect != "external_contact"):
             continue
         k = robot.tree.link_index[change.target]
         force = R @ np.array(change.numbers(*_FORCE))

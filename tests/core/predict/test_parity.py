@@ -102,6 +102,19 @@ def test_missing_readings_leave_gaps_and_nothing_else(biped14, table):
     assert {int(i) for i in found.pose[np.isnan(found.values)]} == {left}
 
 
+def test_a_hanging_pose_without_its_imu_is_not_taken_for_an_upright_one(biped14, table):
+    hanging = np.flatnonzero([s == "none" for s in table.support])
+    imu = table.imu.copy()
+    imu[hanging[0]] = np.nan
+    whole = parity(Assumed(biped14.robot), table)
+    found = parity(Assumed(biped14.robot), replace(table, imu=imu))
+    assert {int(i) for i in found.pose[np.isnan(found.values)]} == {hanging[0]}
+    there = np.isfinite(found.values)
+    np.testing.assert_array_equal(found.values[there], whole.values[there])
+    known = replace(table, imu=imu, base_tilt=np.zeros((len(table), 2)))
+    assert np.isfinite(parity(Assumed(biped14.robot), known).values).all()
+
+
 def test_the_term_of_the_paper_is_the_sum_of_all_joint_torques_about_y(biped14, table):
     published = parity(Assumed(biped14.robot, internal_torque=-1.0), table)
     sums = np.nansum(table.torque, axis=1)

@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Residuals row by row: how large, against what they go along with, and pose by pose for plots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import chi2 as chi2_law
+
+from comcal.diagnose.diagnosis import Channel, Trace
+from comcal.diagnose.naming import Named
+from comcal.diagnose.scene import Scene
+from comcal.measure.table import PoseTable
+from comcal.predict.parity import Row
+from comcal.robot.tree import Array
+
+FOLLOWS = 0.8
+"""Correlation from which a residual is said to follow something."""
+ENOUGH = 6
+"""Poses from which a correlation means anything."""
+STANDS_OUT = 1.5
+"""Sigmas from which it is worth looking for what a residual follows."""
+
+
+@dataclass(frozen=True)
+class RowFit:
+    """One row over its poses.
+
+    Parameters
+    ----------
+    row : Row
+    index : array of int, shape (k,)
+        Residuals of this row.
+    before, after : array, shape (k,)
+    sigma : array, shape (k,)
+        Noise and healthy spread together.
+    chi2_before, chi2_after : float
+        Against the covariance of the row over its poses: k if nothing is wrong.
+    """
+
+    row: Row
+    index: npt.NDArray[np.intp]
+    before: Array
+    after: Array
+    sigma: Array
+    chi2_before: float
+    chi2_after: float
+
+
+def residuals_before(scene: Scene, named: Named) -> tuple[Array, Array]:
+    """Return residuals of the model as given and as extended, shape (n,); NaN where missing."""
+    before = np.where(_used(scene), scene.at.at.values, np.nan)
+    after = np.full(named.scene.by.n, np.nan)
+    left = named.scene.r - named.scene.X @ coordinates_of(named)
+    first = 0
+    for rows, root in zip(named.scene.by.rows, named.scene.by.roots, strict=True):
+        after[rows] = root @ left[first : first + len(rows)]
+        first += len(rows)
+    return before, after
+
+
+def coordinates_of(named: Named) -> Array:
+    """Return the coordinates of all candidates, zero but for the causes, shape (p,)."""
+    x = np.zeros(len(named.scene.of.fault))
+    first = 0
+    for i in named.causes:
+        part = named.scene.of.slices[i]
+        x[part] = named.fit.coordinates[first : first + part.stop - part.start]
+        first += part.stop - part.start
+    return x
+
+
+def row_fits(scene: Scene, named: Named) -> tuple[RowFit, ...]:
+    """Judge every row over all poses that have it, supports together."""
+    before, after = residuals_before(scene, named)
+    rows = scene.at.at.row
+    of_row: dict[Row, list[int]] = {}
+    for n in np.flatnonzero(np.isfinite(before)):
+        of_row.setdefault(rows[n], []).append(int(n))
+    spread = scene.of.spread(named.scene.scales)
+    at = np.flatnonzero(spread)
+    noise = _noise_variance(scene)
+    found: list[RowFit] = []
+    for row, numbers in of_row.items():
+        index = np.array(numbers, np.intp)
+        T = scene.raw[np.ix_(index, at)] * spread[at]
+        C = T @ T.T + np.diag(noise[index])
+        kept = np.isfinite(after[index])
+        left = after[index][kept]
+        found.append(
+            RowFit(
+                row,
+                index,
+                before[index],
+                after[index],
+                np.sqrt(np.diag(C)),
+                float(before[index] @ np.linalg.solve(C, before[index])),
+                float(left @ np.linalg.solve(C[np.ix_(kept, kept)], left)),
+            )
+        )
+    return tuple(found)
+
+
+def channels_of(scene: Scene, fits: tuple[RowFit, ...]) -> tuple[Channel, ...]:
+    """Return all rows, the one that is furthest off first."""
+    table = scene.at.table
+    found: list[Channel] = []
+    for fit in fits:
+        k = len(fit.index)
+        pose = scene.at.at.pose[fit.index]
+        sigmas = float(np.sqrt(fit.chi2_before / k))
+        worst = int(np.argmax(np.abs(fit.before / fit.sigma)))
+        found.append(
+            Channel(
+                fit.row.name,
+                fit.row.unit,
+                _rms(fit.before),
+                _rms(fit.after),
+                sigmas,
+                float(np.sqrt(fit.chi2_after / k)),
+                what_it_follows(table.select(pose), fit, scene) if sigmas > STANDS_OUT else "",
+                table.pose[int(pose[worst])],
+            )
+        )
+    return tuple(sorted(found, key=lambda channel: -channel.sigmas_before))
+
+
+def traces_of(scene: Scene, fits: tuple[RowFit, ...]) -> tuple[Trace, ...]:
+    """Return every row pose by pose."""
+    poses = scene.at.table.pose
+    return tuple(
+        Trace(
+            fit.row.name,
+            fit.row.unit,
+            tuple(poses[int(p)] for p in scene.at.at.pose[fit.index]),
+            fit.before,
+            fit.after,
+            fit.sigma,
+        )
+        for fit in fits
+    )
+
+
+def chance(fits: tuple[RowFit, ...]) -> float:
+    """Return the probability that the worst row is so far off by chance, after the causes."""
+    if not fits:
+        return 1.0
+    worst = min(float(chi2_law.sf(fit.chi2_after, len(fit.index))) for fit in fits)
+    return min(1.0, worst * len(fits))
+
+
+def what_it_follows(table: PoseTable, fit: RowFit, scene: Scene) -> str:
+    """Return in words what a residual goes along with; empty where nothing stands out.
+
+    Parameters
+    ----------
+    table : PoseTable
+        The poses of the row, in its order.
+    fit : RowFit
+    scene : Scene
+    """
+    values = fit.before
+    if len(values) < ENOUGH:
+        return ""
+    if abs(values.mean()) > 2.0 * values.std():
+        return "constant"
+    best, what = FOLLOWS, ""
+    for name, other in _companions(table, scene).items():
+        if np.isfinite(other).all() and np.ptp(other) > 0.0:
+            r = abs(float(np.corrcoef(values, other)[0, 1]))
+            if r > best:
+                best, what = r, name
+    return what
+
+
+def _companions(table: PoseTable, scene: Scene) -> dict[str, Array]:
+    joints = scene.at.assumed.robot.tree.joint_names
+    found = {"the time": table.t}
+    found |= {f"the temperature {name}".strip(): v for name, v in table.temperature.items()}
+    found |= {f"the load of {name}": w[:, 2] for name, w in table.wrench.items()}
+    found |= {f"the angle of {name}": table.q[:, k] for k, name in enumerate(joints)}
+    found |= {f"the approach of {name}": table.approach[:, k] for k, name in enumerate(joints)}
+    found |= {f"the current of {name}": table.current[:, k] for k, name in enumerate(joints)}
+    return found
+
+
+def _noise_variance(scene: Scene) -> Array:
+    found = np.zeros(scene.by.n)
+    for rows, root in zip(scene.by.rows, scene.by.roots, strict=True):
+        found[rows] = np.sum(root**2, axis=1)
+    return found
+
+
+def _used(scene: Scene) -> npt.NDArray[np.bool_]:
+    mask = np.zeros(scene.by.n, np.bool_)
+    mask[scene.by.used] = True
+    return mask
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.nanmean(values**2))) if np.isfinite(values).any() else 0.0

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What readings say about themselves, before anything is fitted to them."""

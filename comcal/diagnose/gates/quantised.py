@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Readings that lie on a grid which is coarse against what is stated of their error.
+
+Averages of windows betray a grid as long as most windows see one step only, which is when its
+error matters: noise of a third of a step makes averages as fine as if there were no grid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from comcal.diagnose.diagnosis import Finding
+from comcal.diagnose.gates.channels import Channel, channels, widened
+from comcal.diagnose.gates.gated import Gated
+from comcal.predict.assumed import Assumed
+from comcal.robot.changes import Change
+from comcal.robot.tree import Array
+
+FEWEST = 5
+"""Different numbers that must share a grid; of windows that stood still, and so lie on the grid of
+the samples, fewer are enough."""
+FEWEST_STILL = 4
+MATTERS = 0.1
+"""Of the stated variance: a grid whose step^2 / 12 is smaller changes nothing."""
+LARGEST_SHARE = 400
+"""Averages of so many samples are searched for the grid of the samples."""
+MOST = 0.5
+"""Part of the windows that must lie on the grid of the samples ..."""
+EXCESS = 5.0
+"""... by how many standard deviations more than by chance ..."""
+KEEPS = 0.9
+"""... and which part of those on a grid must also lie on a multiple of it: half do by chance."""
+LARGEST_ANGLE_STEP = 0.01
+"""Of an encoder [rad] or [m]: angles on a coarser grid are those of a plan, not of an encoder."""
+ROUNDS = 40
+ALIKE = 1e-6
+"""Relative difference of steps that are the same."""
+
+
+def quantised(assumed: Assumed, so_far: Gated) -> Gated:
+    """Add step^2 / 12 to the variance of channels that lie on a grid."""
+    table = so_far.table
+    found = [(c, step) for c in channels(assumed.robot, table) if (step := grid_step(c))]
+    together: dict[tuple[str, str], list[tuple[Channel, float]]] = {}
+    for channel, step in found:
+        together.setdefault((channel.target, channel.unit), []).append((channel, step))
+    by_step: dict[tuple[str, str, str], list[Channel]] = {}
+    for channel, own in found:
+        step = _shared_step(own, [s for _, s in together[channel.target, channel.unit]])
+        table = widened(table, channel, step**2 / 12.0)
+        by_step.setdefault((channel.target, channel.unit, f"{step:.6g}"), []).append(channel)
+    named = tuple(_finding(t, float(step), of) for (t, _, step), of in by_step.items())
+    return Gated(table, (*so_far.findings, *named))
+
+
+def _shared_step(own: float, others: Iterable[float]) -> float:
+    """Return the step of a like channel of the same converter, of which one's own is a part."""
+    return max(s for s in others if abs(s / own - round(s / own)) < ALIKE * s / own)
+
+
+def grid_step(channel: Channel) -> float | None:
+    """Return the step of the grid on which the readings of a channel lie, if it matters."""
+    values = np.unique(channel.values[np.isfinite(channel.values)])
+    variance = channel.variance[np.isfinite(channel.variance)]
+    if not variance.size or not np.median(variance) > 0.0:
+        return None
+    least = float(np.sqrt(12.0 * MATTERS * np.median(variance)))
+    step = _of_samples(channel, least) or _of_averages(channel, values, least)
+    if step is None or step < least or (channel.name == "q" and step > LARGEST_ANGLE_STEP):
+        return None
+    return step
+
+
+def _of_samples(channel: Channel, least: float) -> float | None:
+    """Return the grid of windows that stood still."""
+    still = channel.stands_still
+    if not channel.scatters.any() and still.sum() < np.isfinite(channel.values).sum():
+        return None
+    values = np.unique(channel.values[still])
+    return _common_step(values, channel.resolution, least, FEWEST_STILL)
+
+
+def _of_averages(channel: Channel, values: Array, least: float) -> float | None:
+    """Return the grid of samples whose averages are given."""
+    fine = _common_step(values, channel.resolution, least / LARGEST_SHARE, FEWEST)
+    if fine is None:
+        return None
+    return fine * _share(channel.values[np.isfinite(channel.values)], fine)
+
+
+def _common_step(values: Array, resolution: float, least: float, fewest: int) -> float | None:
+    """Return the largest step of which all differences are multiples, None below *least*."""
+    gaps = np.diff(values)
+    gaps = gaps[gaps > 10.0 * resolution]
+    if gaps.size + 1 < fewest:
+        return None
+    step = float(gaps.min())
+    for _ in range(ROUNDS):
+        whole = np.round(gaps / step)
+        left = np.abs(gaps - whole * step)
+        if left.max() <= 10.0 * resolution:
+            return float(whole @ gaps / (whole @ whole))
+        step = float(left[left > 10.0 * resolution].min())
+        if step < max(least, 100.0 * resolution):
+            return None
+    return None
+
+
+def _share(values: Array, fine: float) -> int:
+    """Return how many times coarser the grid of the samples is than that of their averages."""
+    numbers = np.round((values - values[0]) / fine).astype(np.int64)
+    best, share, kept = EXCESS, 1, 0
+    for n in range(2, LARGEST_SHARE + 1):
+        counts = np.bincount(numbers % n)
+        on, chance = int(counts.max()), len(values) / n
+        excess = (on - chance) / np.sqrt(chance)
+        is_multiple = share > 1 and n % share == 0
+        if on < MOST * len(values) or excess <= best or (is_multiple and on < KEEPS * kept):
+            continue
+        if len(np.unique(numbers[numbers % n == counts.argmax()])) >= FEWEST_STILL:
+            best, share, kept = excess, n, on
+    return share
+
+
+def _finding(target: str, step: float, of: Iterable[Channel]) -> Finding:
+    of = tuple(of)
+    names, unit = tuple(c.name for c in of), of[0].unit
+    stated = float(np.sqrt(np.nanmedian(of[0].variance)))
+    return Finding(
+        "quantisation",
+        target,
+        Change("quantisation", target, {"channels": names, "step": step}),
+        f"{target} {', '.join(names)}: readings lie on a grid of {step:.3g} {unit}, an error of "
+        f"{step / np.sqrt(12.0):.2g} {unit} where {stated:.2g} {unit} is stated",
+        (),
+        "step^2 / 12 added to the variance",
+        "read the sensor at its full resolution, or state its error",
+    )

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+r"""Inner products of residuals and columns, against noise and healthy spread together.
+
+A healthy robot has residuals of covariance C = N + T D^2 T^T: noise N, and columns T of everything
+that may be a little off, with standard deviations D. After whitening with N,
+
+.. math:: x^T C^{-1} y = \tilde x^T \tilde y
+    - \tilde x^T \tilde T D (1 + D \tilde T^T \tilde T D)^{-1} D \tilde T^T \tilde y ,
+
+so all that is ever needed are the inner products of the whitened columns with one another and with
+the residuals; another D costs no new residuals.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_solve, cholesky, solve_triangular
+
+from comcal.robot.tree import Array
+
+
+@dataclass(frozen=True)
+class Products:
+    """Inner products after whitening with the noise alone.
+
+    Parameters
+    ----------
+    K : array, shape (p, p)
+        Of the columns.
+    b : array, shape (p,)
+        Of the columns and the residuals.
+    rr : float
+        Of the residuals.
+    rows : int
+    """
+
+    K: Array
+    b: Array
+    rr: float
+    rows: int
+
+    def __sub__(self, other: Products) -> Products:
+        return Products(
+            self.K - other.K, self.b - other.b, self.rr - other.rr, self.rows - other.rows
+        )
+
+
+def products(columns: Array, residuals: Array) -> Products:
+    """Return the inner products of whitened columns (m, p) and residuals (m,)."""
+    return Products(
+        columns.T @ columns, columns.T @ residuals, float(residuals @ residuals), len(residuals)
+    )
+
+
+@dataclass(frozen=True)
+class Metric:
+    """Inner products against noise and healthy spread.
+
+    Parameters
+    ----------
+    K, b, rr : array (p, p), array (p,), float
+        As in :class:`Products`.
+    rows : int
+    log_det : float
+        ln det C - ln det N.
+    """
+
+    K: Array
+    b: Array
+    rr: float
+    rows: int
+    log_det: float
+
+    @property
+    def log_likelihood(self) -> float:
+        """Ln p(residuals) of a healthy robot, up to a constant of the noise."""
+        return -0.5 * (self.rr + self.log_det)
+
+
+def metric(of: Products, spread: Array) -> Metric:
+    """Add the healthy spread.
+
+    Parameters
+    ----------
+    of : Products
+    spread : array, shape (p,)
+        Standard deviation of every column of a healthy robot; 0: none.
+    """
+    at = np.flatnonzero(spread)
+    if not at.size:
+        return Metric(of.K, of.b, of.rr, of.rows, 0.0)
+    D = spread[at]
+    M = D[:, None] * of.K[np.ix_(at, at)] * D
+    M[np.diag_indices_from(M)] += 1.0
+    L = cholesky(M, lower=True, check_finite=False)
+    half = solve_triangular(
+        L, D[:, None] * np.column_stack([of.K[at], of.b[at]]), lower=True, check_finite=False
+    )
+    across, right = half[:, :-1], half[:, -1]
+    return Metric(
+        of.K - across.T @ across,
+        of.b - across.T @ right,
+        of.rr - float(right @ right),
+        of.rows,
+        2.0 * float(np.log(np.diag(L)).sum()),
+    )
+
+
+def healthy_part(of: Products, spread: Array, coordinates: Array) -> Array:
+    """Return the healthy deviations that the residuals make likely, shape (p,).
+
+    Parameters
+    ----------
+    of : Products
+    spread : array, shape (p,)
+    coordinates : array, shape (p,)
+        Of the causes named: taken out first.
+    """
+    found = np.zeros(len(spread))
+    at = np.flatnonzero(spread)
+    if at.size:
+        D = spread[at]
+        M = D[:, None] * of.K[np.ix_(at, at)] * D
+        M[np.diag_indices_from(M)] += 1.0
+        left = of.b[at] - of.K[at] @ coordinates
+        found[at] = D * cho_solve((cholesky(M, lower=True), True), D * left)
+    return found

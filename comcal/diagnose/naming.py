@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which causes explain the residuals: forward and backward, with swaps, a few at most."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from comcal.diagnose.contacts import Contact, contacts, links_that_touch, with_contact
+from comcal.diagnose.diagnosis import Rung
+from comcal.diagnose.evidence import Explanation, all_log_odds, explain
+from comcal.diagnose.refit import refitted
+from comcal.diagnose.scene import Scene
+
+MARGIN = 3.0
+"""Log odds beyond those that chance gives the best of N causes: 20 to 1."""
+MOST_CAUSES = 3
+MOST_CONTACTS = 6
+MOST_ROUNDS = 12
+"""Adding and dropping may go in circles."""
+SHOWN = 8
+
+
+@dataclass(frozen=True)
+class Named:
+    """The causes that were found.
+
+    Parameters
+    ----------
+    causes : tuple of int
+        Numbers in the catalogue.
+    scene : Scene
+        About these causes.
+    fit : Explanation
+        Of all of them at once.
+    ladder : tuple of Rung
+    threshold : float
+    """
+
+    causes: tuple[int, ...]
+    scene: Scene
+    fit: Explanation
+    ladder: tuple[Rung, ...]
+    threshold: float
+
+
+def threshold_of(n: int) -> float:
+    """Return the log odds that the best of *n* causes must reach."""
+    return MARGIN + float(np.log(max(n, 1)))
+
+
+def name_causes(about: Scene, most: int = MOST_CAUSES) -> Named:
+    """Name the causes that the residuals of a scene need.
+
+    Parameters
+    ----------
+    about : Scene
+    most : int
+        Number of causes beyond which nothing is explained any more.
+    """
+    threshold = threshold_of(
+        len(about.of.candidates) + len(links_that_touch(about)) * len(about.at.table)
+    )
+    causes: tuple[int, ...] = ()
+    here, fit = about, Explanation(0.0, np.zeros(0), np.zeros((0, 0)))
+    ladder: list[Rung] = []
+    seen: set[frozenset[int]] = set()
+    for _ in range(MOST_ROUNDS):
+        odds = all_log_odds(about.of, here.against(causes))
+        odds[list(causes)] = -np.inf
+        ladder.append(_rung(here, causes, fit, odds, threshold))
+        best = int(np.argmax(odds)) if len(odds) else -1
+        touch = _contact(here, causes)
+        if touch is not None and touch.log_odds > max(odds.max(initial=-np.inf), threshold):
+            about, here = with_contact(about, touch), with_contact(here, touch)
+            best = len(about.of.candidates) - 1
+        elif best < 0 or odds[best] <= threshold or _lasting(about, causes) >= most:
+            break
+        grown = _swapped(here, _pruned(here, (*causes, best), threshold))
+        if frozenset(grown) in seen:
+            break
+        seen.add(frozenset(grown))
+        # What is linear about causes that stayed is better than what is linear about none.
+        here, fit = refitted(here if set(causes) <= set(grown) else about, grown)
+        causes = _pruned(here, grown, threshold)
+        if causes != grown:
+            here, fit = refitted(about, causes)
+    return Named(causes, here, fit, tuple(ladder), threshold)
+
+
+def _lasting(about: Scene, causes: tuple[int, ...]) -> int:
+    """Return how many causes act in all poses."""
+    return sum(about.of.candidates[i].poses is None for i in causes)
+
+
+def _contact(about: Scene, causes: tuple[int, ...]) -> Contact | None:
+    """Return the likeliest contact in a pose that has none yet."""
+    taken = {about.of.candidates[i].poses for i in causes} - {None}
+    if len(taken) >= MOST_CONTACTS:
+        return None
+    poses = about.at.table.pose
+    free = [c for c in contacts(about, causes) if (poses[c.pose],) not in taken]
+    if not free:
+        return None
+    # The hand that touched something before is the likelier one to have done so again.
+    links = about.at.assumed.robot.tree.links
+    before = {about.of.candidates[i].target for i in causes if about.of.candidates[i].poses}
+    again = [c for c in free if c.pose == free[0].pose and links[c.link].name in before]
+    close = [c for c in again if c.log_odds > free[0].log_odds - MARGIN]
+    return close[0] if close else free[0]
+
+
+def _pruned(about: Scene, causes: tuple[int, ...], threshold: float) -> tuple[int, ...]:
+    """Drop causes that the others made needless, the least needed first."""
+    while len(causes) > 1:
+        odds = [explain(about.of, i, about.against(_without(causes, i))).log_odds for i in causes]
+        worst = int(np.argmin(odds))
+        if odds[worst] > threshold:
+            break
+        causes = _without(causes, causes[worst])
+    return causes
+
+
+def _swapped(about: Scene, causes: tuple[int, ...]) -> tuple[int, ...]:
+    """Replace causes, one at a time, by better ones in the company of the others."""
+    for i in causes:
+        others = _without(causes, i)
+        odds = all_log_odds(about.of, about.against(others))
+        odds[list(others)] = -np.inf
+        best = int(np.argmax(odds))
+        if odds[best] > odds[i]:
+            causes = tuple(best if c == i else c for c in causes)
+    return causes
+
+
+def _without(causes: tuple[int, ...], i: int) -> tuple[int, ...]:
+    return tuple(c for c in causes if c != i)
+
+
+def _rung(
+    about: Scene, causes: tuple[int, ...], fit: Explanation, odds: np.ndarray, threshold: float
+) -> Rung:
+    names = [candidate.name for candidate in about.of.candidates]
+    order = [int(i) for i in np.argsort(-odds)[:SHOWN] if np.isfinite(odds[i])]
+    against = about.against()
+    chi2 = against.rr
+    if causes:
+        at = np.concatenate(
+            [np.arange(about.of.slices[i].start, about.of.slices[i].stop) for i in causes]
+        )
+        x = fit.coordinates
+        chi2 += float(x @ against.K[np.ix_(at, at)] @ x - 2.0 * against.b[at] @ x)
+    return Rung(
+        tuple(names[i] for i in causes),
+        tuple((names[i], float(odds[i])) for i in order),
+        threshold,
+        chi2,
+    )

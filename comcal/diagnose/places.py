@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+r"""Where something acts that the catalogue has no name for.
+
+A place (an encoder, a current, a sensor, a link's first moment, the floor) is given a free value in
+every pose, normal with some standard deviation F: whatever function it is of, it can only show in
+the rows that follow that place. With A_p the columns of the place in pose p, the covariance of the
+residuals grows by F^2 sum A_p A_p^T, which stays block diagonal; its evidence needs, per pose,
+
+.. math:: M_p = F^{-2} + \tilde A_p^T \tilde A_p, \qquad Z_p = M_p^{-1/2} \tilde A_p^T [\tilde T, \tilde r] .
+
+The price of a free value in every pose is high, so a place is found only where no function with a
+few numbers does as well.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from comcal.diagnose.diagnosis import Place
+from comcal.diagnose.metric import Products, metric
+from comcal.diagnose.naming import Named
+from comcal.diagnose.readings import layout_of
+from comcal.diagnose.scene import Scene
+from comcal.robot.tree import Array
+
+SIZES = (0.1, 0.3, 1.0)
+"""Standard deviations that are tried, as shares of a fault."""
+FAULTS = {"encoder": 0.02, "current": 1.0, "link moment": 0.5, "floor": 0.01, "IMU": 0.1}
+SENSOR_FAULT = np.array([20.0, 20.0, 20.0, 2.0, 2.0, 2.0])
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One place.
+
+    Parameters
+    ----------
+    place, target : str
+    columns : array, shape (n, k)
+        What a free value of a fault's size adds to the residuals of its own pose.
+    """
+
+    place: str
+    target: str
+    columns: Array
+
+
+def place_of(named: Named) -> Place | None:
+    """Return the place at which a free value in every pose explains most; None: nowhere.
+
+    Parameters
+    ----------
+    named : Named
+        Causes named may be there beside it, or not.
+    """
+    scene = named.scene
+    best: Place | None = None
+    for causes in dict.fromkeys(((), named.causes)):
+        spread = scene.of.spread(scene.scales, causes)
+        base = metric(scene.products, spread).log_likelihood
+        for candidate in _candidates(scene):
+            odds = max(_log_likelihood(scene, spread, candidate, F) for F in SIZES) - base
+            if odds > 0.0 and (best is None or odds > best.log_odds):
+                what = _followed(scene, candidate)
+                best = Place(candidate.place, candidate.target, what, odds)
+    return best
+
+
+def _candidates(scene: Scene) -> Iterator[Candidate]:
+    robot, at = scene.at.assumed.robot, layout_of(scene.at.table)
+    joints = robot.tree.joint_names
+    slopes = -scene.at.slopes
+    for k, joint in enumerate(joints):
+        yield Candidate("encoder", joint, FAULTS["encoder"] * slopes[:, [k]])
+    for k, joint in enumerate(joints):
+        columns = FAULTS["current"] * slopes[:, [at.joints + k]]
+        if columns.any():
+            yield Candidate("current", joint, columns)
+    for sensor in at.sensors:
+        yield Candidate("sensor", sensor, slopes[:, at.wrench(sensor)] * SENSOR_FAULT)
+    first = 3 * at.joints
+    if slopes[:, first : first + 3].any():
+        yield Candidate("IMU", "", FAULTS["IMU"] * slopes[:, first : first + 3])
+    for k, link in enumerate(robot.tree.links):
+        if link.mass > 0.0:
+            moments = FAULTS["link moment"] * scene.at.links.by_weight[:, k, 1:]
+            yield Candidate("link moment", link.name, moments)
+    if robot.feet:
+        floor = np.stack([scene.at.sloped(i) for i in range(2)], axis=1)
+        closing = np.stack(
+            [
+                np.array([float(r.kind == "closure" and r.axis == axis) for r in scene.at.at.row])
+                for axis in ("roll", "pitch", "height")
+            ],
+            axis=1,
+        )
+        both = np.concatenate([floor, closing], axis=1)
+        yield Candidate("floor", "", FAULTS["floor"] * both)
+
+
+def _log_likelihood(scene: Scene, spread: Array, candidate: Candidate, size: float) -> float:
+    A = scene.by.turned(candidate.columns * size)
+    k = A.shape[1]
+    determinant = 0.0
+    parts: list[Array] = []
+    right: list[Array] = []
+    first = 0
+    for rows in scene.by.rows:
+        mine = slice(first, first + len(rows))
+        first += len(rows)
+        a = A[mine]
+        if not a.any():
+            continue
+        L = np.linalg.cholesky(np.eye(k) + a.T @ a)
+        determinant += 2.0 * float(np.log(np.diag(L)).sum())
+        parts.append(np.linalg.solve(L, a.T @ scene.X[mine]))
+        right.append(np.linalg.solve(L, a.T @ scene.r[mine]))
+    if not parts:
+        return -np.inf
+    Z, z = np.concatenate(parts), np.concatenate(right)
+    of = scene.products
+    left = Products(of.K - Z.T @ Z, of.b - Z.T @ z, of.rr - float(z @ z), of.rows)
+    return metric(left, spread).log_likelihood - 0.5 * determinant
+
+
+def _followed(scene: Scene, candidate: Candidate) -> str:
+    """Return in words what the free values of the poses go along with."""
+    values: list[Array] = []
+    index: list[int] = []
+    A = scene.by.turned(candidate.columns)
+    first = 0
+    for pose, rows in enumerate(scene.by.rows):
+        mine = slice(first, first + len(rows))
+        first += len(rows)
+        a = A[mine]
+        if a.any():
+            M = np.eye(a.shape[1]) + a.T @ a
+            values.append(np.linalg.solve(M, a.T @ scene.r[mine]))
+            index.append(pose)
+    if len(values) < 6:
+        return "of too few poses to say of what"
+    found = np.array(values)
+    column = found[:, int(np.argmax(np.var(found, axis=0)))]
+    table = scene.at.table.select(index)
+    companions = _companions(scene, candidate, table.q, table.wrench)
+    best = max(
+        ((abs(float(np.corrcoef(column, v)[0, 1])), name) for name, v in companions if np.ptp(v)),
+        default=(0.0, ""),
+    )
+    return best[1] if best[0] > 0.7 else "other than those that were tried"
+
+
+def _companions(
+    scene: Scene, candidate: Candidate, q: Array, wrench: object
+) -> Iterator[tuple[str, Array]]:
+    table = scene.at.table
+    joints = scene.at.assumed.robot.tree.joint_names
+    if candidate.place in ("encoder", "current") and candidate.target in joints:
+        angle = q[:, joints.index(candidate.target)]
+        for name, v in _waves(angle):
+            yield f"of {name} of its own angle", v
+    if candidate.place == "sensor" and isinstance(wrench, dict):
+        force = np.asarray(wrench[candidate.target][:, 2], np.float64)
+        yield "of its load", force
+        yield "of the square of its load", force**2
+    if candidate.place == "link moment":
+        for k, joint in enumerate(joints):
+            for name, v in _waves(q[:, k]):
+                yield f"of {name} of {joint}", v
+    if len(q) == len(table) and np.isfinite(table.t).all():
+        yield "of the time", table.t
+
+
+def _waves(angle: Array) -> Iterator[tuple[str, Array]]:
+    yield "the sine", np.sin(angle)
+    yield "the cosine", np.cos(angle)
+    yield "the double sine", np.sin(2.0 * angle)
+    yield "the double cosine", np.cos(2.0 * angle)

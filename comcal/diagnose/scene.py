@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One linearisation: whitened residuals and columns of all candidates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from comcal.diagnose.catalogue import Catalogue
+from comcal.diagnose.linear import Linear
+from comcal.diagnose.metric import Metric, Products, metric, products
+from comcal.diagnose.whitening import Whitening, whitening
+from comcal.effects.effect import State
+from comcal.robot.tree import Array
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What all scores are made of.
+
+    Parameters
+    ----------
+    of : Catalogue
+    origin : State
+        The model and the readings as given.
+    at : Linear
+        The state about which everything is linear.
+    centre : array, shape (p,)
+        Coordinates of the causes that this state has taken out.
+    fitted : array, shape (p,)
+        Coordinates at which columns of causes were found; NaN: about none.
+    raw : array, shape (n, p)
+        What each coordinate adds to the residuals.
+    by : Whitening
+    X : array, shape (m, p)
+        The same, whitened by noise.
+    r : array, shape (m,)
+        Residuals of the model as given, whitened by noise; of causes that were fitted, what
+        they come to with the columns X.
+    scales : mapping from family to float
+        Factors on healthy tolerances.
+    """
+
+    of: Catalogue
+    origin: State
+    at: Linear
+    centre: Array
+    fitted: Array
+    raw: Array
+    by: Whitening
+    X: Array
+    r: Array
+    scales: Mapping[str, float]
+
+    @cached_property
+    def products(self) -> Products:
+        """Inner products after whitening by noise."""
+        return products(self.X, self.r)
+
+    def against(self, causes: Sequence[int] = ()) -> Metric:
+        """Return the metric in which *causes* may be there."""
+        return metric(self.products, self.of.spread(self.scales, causes))
+
+
+def scene(of: Catalogue, state: State, noise: float = 1.0) -> Scene:
+    """Linearise the residuals of a state.
+
+    Parameters
+    ----------
+    of : Catalogue
+    state : State
+    noise : float
+        Factor on the errors stated of the readings.
+    """
+    at = Linear(*state)
+    by = whitening(at, noise)
+    raw = of.columns(at)
+    X, r = by.turned(raw), by.turned(np.nan_to_num(at.at.values))
+    p = len(of.fault)
+    return Scene(of, state, at, np.zeros(p), np.full(p, np.nan), raw, by, X, r, {})

@@ -56,6 +56,20 @@ class Catalogue:
         )
 
     @cached_property
+    def by_size(self) -> tuple[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]], ...]:
+        """Candidates with k coordinates each: their numbers (c,), their coordinates (c, k)."""
+        groups: dict[int, list[int]] = {}
+        for i, candidate in enumerate(self.candidates):
+            groups.setdefault(len(candidate.keys), []).append(i)
+        return tuple(
+            (
+                np.array(numbers, np.intp),
+                np.array([np.arange(self.slices[i].start, self.slices[i].stop) for i in numbers]),
+            )
+            for numbers in groups.values()
+        )
+
+    @cached_property
     def index(self) -> Mapping[str, int]:
         """Number of every candidate by its name."""
         return {c.name: i for i, c in enumerate(self.candidates)}

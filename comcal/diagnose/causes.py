@@ -101,7 +101,7 @@ def groups_of(causes: Sequence[Cause]) -> tuple[tuple[Rival, ...], ...]:
     """Return for every cause that has rivals which cannot be excluded the set of all of them."""
     found: list[tuple[Rival, ...]] = []
     for cause in causes:
-        rivals = undecided(cause.rivals)
+        rivals = undecided(cause.change.effect, cause.change.target, cause.rivals)
         if rivals:
             own = Rival(cause.change.effect, cause.change.target, 0.0, 0.0)
             found.append((own, *rivals[: LARGEST_GROUP - 1]))

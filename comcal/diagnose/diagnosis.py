@@ -51,12 +51,15 @@ class Rival:
     left : float
         Norm of what this one leaves of the cause named, as a share of that cause's own norm: 0
         means that no reading tells them apart, 1 that they have nothing in common.
+    left_sigmas : float
+        The same in sigmas: below 3 it is the simpler cause that is preferred, not the likelier.
     """
 
     effect: str
     target: str
     log_odds: float
     left: float
+    left_sigmas: float = float("inf")
 
     @property
     def name(self) -> str:

@@ -93,13 +93,21 @@ def explain(of: Catalogue, i: int, against: Metric) -> Explanation:
 
 
 def all_log_odds(of: Catalogue, against: Metric) -> Array:
-    """Return the log odds of every candidate against nothing more, shape (n_candidates,)."""
-    return np.array(
-        [
-            explain(of, i, against).log_odds if may_be else IMPOSSIBLE
-            for i, may_be in enumerate(of.open)
-        ]
-    )
+    """Return the log odds of every candidate against nothing more, shape (n_candidates,).
+
+    Candidates with as many coordinates are solved together.
+    """
+    found = np.full(len(of.candidates), IMPOSSIBLE)
+    for numbers, at in of.by_size:
+        F = of.fault[at]
+        M = against.K[at[:, :, None], at[:, None, :]] * F[:, :, None] * F[:, None, :]
+        M += np.eye(at.shape[1])
+        b = F * against.b[at]
+        scaled = np.linalg.solve(M, b[..., None])[..., 0]
+        found[numbers] = 0.5 * (np.sum(b * scaled, axis=1) - np.linalg.slogdet(M)[1])
+        for n in np.flatnonzero((of.positive[at] & (scaled <= 0.0)).any(axis=1)):
+            found[numbers[n]] = explain(of, int(numbers[n]), against).log_odds
+    return np.where(of.open, found, IMPOSSIBLE)
 
 
 def whole(of: Catalogue, causes: tuple[int, ...], against: Metric) -> Explanation:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from comcal.diagnose.contacts import contacts
@@ -15,7 +17,18 @@ from comcal.robot.tree import Array
 
 UNDECIDED = 3.0
 """Log odds below which a rival cannot be excluded: 20 to 1."""
+UNSEEN = 3.0
+"""What a rival leaves, in sigmas, that noise may hide: then only simplicity speaks against it."""
+WIDE = 3.0
+"""Faults up to which the parameters of a rival may go."""
 SHOWN = 5
+GENERAL = {
+    "payload": {"link_mass", "link_com"},
+    "tether": {"cable_pull", "external_contact"},
+    "ft_crosstalk": {"ft_mounting", "ft_position", "ft_gain"},
+}
+"""Effects that at the same target hold others as special cases: no rivals of theirs by what they
+leave, which is nothing by their nature."""
 
 
 def own_coordinates(named: Named, i: int) -> Array:
@@ -46,17 +59,23 @@ def rivals_of(named: Named, i: int) -> tuple[tuple[Rival, ...], float]:
     against = scene.against(others)
     odds = all_log_odds(scene.of, against)
     own = float(odds[i])
+    x = own_coordinates(named, i)
+    size = size_of(named, i)
+    mine = scene.of.candidates[i]
     found: list[Rival] = []
-    poses = scene.of.candidates[i].poses
-    for c in np.argsort(-odds):
-        # A contact of one pose has no rivals among causes of other single poses.
-        if int(c) in named.causes or not np.isfinite(odds[c]):
+    for c in np.argsort(-odds).tolist():
+        if c in named.causes or not np.isfinite(odds[c]):
             continue
-        if len(found) >= SHOWN and own - odds[c] >= UNDECIDED:
-            break
-        candidate = scene.of.candidates[int(c)]
-        left = left_by(scene, against, own_coordinates(named, i), i, int(c))
-        found.append(Rival(candidate.effect.name, candidate.target, own - float(odds[c]), left))
+        candidate = scene.of.candidates[c]
+        left = left_by(scene, against, x, i, c)
+        close = own - odds[c] < UNDECIDED or left * size < UNSEEN
+        if len(found) >= SHOWN and not close:
+            continue
+        rival = Rival(
+            candidate.effect.name, candidate.target, own - float(odds[c]), left, left * size
+        )
+        found.append(rival)
+    poses = mine.poses
     if poses is not None:
         found += _elsewhere(named, i, others, own, poses)
     return tuple(sorted(found, key=lambda rival: rival.log_odds)), own
@@ -90,12 +109,35 @@ def left_by(scene: Scene, against: Metric, x: Array, i: int, rival: int) -> floa
         return 0.0
     F = scene.of.fault[b]
     M = F[:, None] * against.K[b, b] * F
-    # A weak prior, ten faults wide, keeps directions that no reading shows out of it.
-    M[np.diag_indices_from(M)] += 0.01
+    M[np.diag_indices_from(M)] += WIDE**-2
     taken = float((F * v[b]) @ np.linalg.solve(M, F * v[b]))
     return float(np.sqrt(max(total - taken, 0.0) / total))
 
 
-def undecided(rivals: tuple[Rival, ...]) -> tuple[Rival, ...]:
-    """Return those that cannot be excluded."""
-    return tuple(rival for rival in rivals if rival.log_odds < UNDECIDED)
+def _is_special(effect: str, target: str, other: str, at: str) -> bool:
+    """Whether an effect is a special case of another one at the same target."""
+    return at == target and effect in GENERAL.get(other, set())
+
+
+def undecided(effect: str, target: str, rivals: Sequence[Rival]) -> tuple[Rival, ...]:
+    """Return the rivals of a cause that cannot be excluded, the likeliest of every effect first.
+
+    Parameters
+    ----------
+    effect, target : str
+        The cause named.
+    rivals : sequence of Rival
+        Strongest first.
+    """
+    close = [
+        rival
+        for rival in rivals
+        if rival.log_odds < UNDECIDED
+        or (
+            rival.left_sigmas < UNSEEN
+            and not _is_special(effect, target, rival.effect, rival.target)
+        )
+    ]
+    best = {rival.effect: rival for rival in reversed(close)}
+    first = [rival for rival in close if best[rival.effect] is rival]
+    return (*first, *(rival for rival in close if best[rival.effect] is not rival))

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from comcal.diagnose.diagnosis import Cause, Channel, Finding, Place, Rival, Verdict
 from comcal.robot.changes_table import EFFECTS
 
-HEALTHY = 1.3
-"""Sigmas up to which a row is not worth a word."""
+CERTAIN = 15.0
+"""Sigmas from which a cause is said to be there; a smaller effect that the catalogue lacks may look
+like a named one."""
 
 
 def sentence(
@@ -36,7 +37,9 @@ def sentence(
     if verdict is Verdict.AMBIGUOUS:
         sets = "; ".join(" or ".join(rival.name for rival in group) for group in groups)
         return f"The readings do not tell which: {sets}.{also}"
-    return f"The readings are explained by {names}.{also}"
+    is_certain = all(cause.size >= CERTAIN for cause in causes)
+    how = "explained by" if is_certain else "consistent with"
+    return f"The readings are {how} {names}.{also}"
 
 
 def spot(place: Place) -> str:

@@ -18,6 +18,8 @@ from comcal.robot.changes import Change
 
 SETTLED = 4
 """Rounds in which spring and torque find one another; each is some ten times nearer."""
+CLOSE = 1e-4
+"""Share of its way by which a spring may still move when it is taken as settled."""
 
 
 def _offset(assumed: Assumed, table: PoseTable, change: Change) -> State:
@@ -30,8 +32,15 @@ def _compliance(assumed: Assumed, table: PoseTable, change: Change) -> State:
     give = joints_of(assumed.robot, change) / change.number("stiffness", np.inf)
     bent = table
     for _ in range(SETTLED):
+        before = bent
         bent = with_angles(table, -np.nan_to_num(held_torques(assumed, bent)) * give)
+        if np.nanmax(np.abs(bent.q - before.q), initial=0.0) <= CLOSE * _way(bent, table):
+            break
     return assumed, bent
+
+
+def _way(bent: PoseTable, table: PoseTable) -> float:
+    return float(np.nanmax(np.abs(bent.q - table.q), initial=0.0))
 
 
 def _backlash(assumed: Assumed, table: PoseTable, change: Change) -> State:

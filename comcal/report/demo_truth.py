@@ -103,6 +103,6 @@ def _inside(truth: Change, cause: Cause | None) -> list[bool]:
     if cause is None:
         return []
     return [
-        estimate.interval[0] <= truth.number(key) <= estimate.interval[1]
+        bool(estimate.interval[0] <= truth.number(key) <= estimate.interval[1])
         for key, estimate in cause.estimates.items()
     ]

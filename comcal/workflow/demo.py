@@ -7,37 +7,28 @@ import secrets
 import shutil
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
-from comcal.errors import ComcalError, DataError, MissingExtraError, UsageError
-from comcal.identify.calibration import Calibration
+from comcal.errors import MissingExtraError, UsageError
 from comcal.measure.plan import NONE, PlannedPose
 from comcal.measure.plan_csv import read_plan, write_plan
 from comcal.measure.progress import OnEvent, ignore
 from comcal.measure.session import Session
 from comcal.report.demo import DemoStory
 from comcal.report.demo_truth import Judgement, judge
-from comcal.report.rerun import RerunGain
 from comcal.robot.changes import Change
 from comcal.robot.changes_text import parse_change
 from comcal.robot.description import load_robot
 from comcal.robot.model import Robot
-from comcal.workflow.calibrate import load_session, solve_session
 from comcal.workflow.demo_fault import draw_fault
-from comcal.workflow.diagnose import Diagnosed, diagnose_session
-from comcal.workflow.known_model import KnownModel, read_model
+from comcal.workflow.demo_story import tell_story
 from comcal.workflow.record import SEED_BITS, RecordOrder, record_session
-from comcal.workflow.rerun import rerun_gain
 from comcal.workflow.robots import robot_generator
 from comcal.workflow.sealed import read_truth, truth_path
-
-_T = TypeVar("_T")
 
 ENGINES = ("pybullet", "mujoco")
 """In order of preference; without any of them the built-in statics serve."""
@@ -50,8 +41,8 @@ POSES = 28
 """Poses of the plan that are measured, at most: the rest would only take longer."""
 HELD_OUT_EVERY = 4
 """One standing pose of so many takes no part, and shows later what the extended model is worth."""
-_DRAWS, _BOOTSTRAP = 1, 2
-"""Random streams of a demo's seed, beside those of the sensors."""
+_DRAWS = 1
+"""Random stream of a demo's seed, beside those of the sensors."""
 
 
 @dataclass(frozen=True)
@@ -190,8 +181,7 @@ def run_demo(
     except (UsageError, MissingExtraError):
         shutil.rmtree(directory)  # made a moment ago, and nothing was measured
         raise
-    with threadpool_limits(limits=1):  # small matrices: threads would only wait for one another
-        story = _story(session, choice.source, held_out(poses), seed)
+    story = tell_story(session, choice.source, held_out(poses), seed)
     return Demo(begun, directory, session, story, judge(_truth(session), story.diagnosis))
 
 
@@ -232,54 +222,6 @@ def _typed(effects: Sequence[str]) -> tuple[Change, ...] | None:
             next_step="leave it out, or leave the others out",
         )
     return ()
-
-
-def _story(session: Session, source: str, fresh: tuple[int, ...], seed: int) -> DemoStory:
-    """Calibrate, diagnose, and do both halves again with the extended model."""
-    recorded = load_session(session.directory, doubtful=True)[2].pose
-    fresh = tuple(pose for pose in fresh if pose in recorded)
-    notes = list[str]()
-    nominal = _tried(lambda: _calibration(session, fresh), notes)
-    diagnosed = diagnose_session(session.directory, drop=fresh)
-    story = DemoStory(diagnosed.diagnosis, fresh, nominal, None, None)
-    if diagnosed.diagnosis.changes:
-        model = read_model(_extended_yaml(diagnosed))
-        story = replace(
-            story,
-            extended=_tried(lambda: _calibration(session, fresh, model), notes),
-            rerun=_tried(lambda: _rerun(diagnosed, source, fresh, seed), notes),
-        )
-    return replace(story, notes=tuple(dict.fromkeys(notes)))
-
-
-def _calibration(
-    session: Session, fresh: tuple[int, ...], model: KnownModel | None = None
-) -> Calibration:
-    return solve_session(session.directory, held_out=fresh, model=model).calibration
-
-
-def _rerun(diagnosed: Diagnosed, source: str, fresh: tuple[int, ...], seed: int) -> RerunGain:
-    _, robot, table = load_session(diagnosed.session.directory, doubtful=True)
-    rows = [i for i, pose in enumerate(table.pose) if pose in fresh]
-    rng = np.random.default_rng((seed, _BOOTSTRAP))
-    return rerun_gain(robot, table, source, diagnosed.diagnosis.changes, rng, chosen=rows)
-
-
-def _tried(work: Callable[[], _T], notes: list[str]) -> _T | None:
-    """Do a part of the story that some faults make impossible, and note why."""
-    try:
-        return work()
-    except (UsageError, DataError) as reason:
-        notes.append(_words(reason))
-        return None
-
-
-def _words(reason: ComcalError) -> str:
-    return f"{reason.where}: {reason.what}" if reason.where else reason.what
-
-
-def _extended_yaml(diagnosed: Diagnosed) -> Path:
-    return next(path for path in diagnosed.files if path.name == "extended.yaml")
 
 
 def _truth(session: Session) -> tuple[Change, ...]:

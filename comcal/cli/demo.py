@@ -75,6 +75,8 @@ def demo_command(
         console.print(f"engine: {choice.source}, because {choice.why}")
         facts = f"{tree.total_mass:.1f} kg, {len(tree.joint_names)} joints, {begun.poses} poses"
         console.print(f"robot: {begun.robot.name}, {facts}, seed {begun.seed}")
+        hidden = "what --effect says" if effects else "a fault, drawn with the seed"
+        console.print(f"hidden: {hidden}; nobody looks at it before the last line")
 
     with shown_progress(sys.stderr) as show:
         demo = run_demo(DemoOrder(output, robot, source, seed, effects), say, show)
@@ -90,6 +92,7 @@ def demo_command(
         click.echo(json.dumps(content, indent=1, allow_nan=False))
     else:
         print_demo(console, demo.story)
+        click.echo(f"wrote {demo.story.page}")
         click.echo(f"next: comcal diagnose {demo.session.directory}   (everything, in full)")
         print_lines(console, [hidden_line(demo.judgement)], style="bold")
     return 0 if demo.judgement.is_right else EXIT_NOT_FOUND

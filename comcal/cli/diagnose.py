@@ -27,9 +27,24 @@ EXIT_UNDECIDED = 5
 @click.option(
     "--drop", multiple=True, type=int, metavar="POSE", help="Leave a pose out. Repeatable."
 )
+@click.option(
+    "--rerun",
+    "engine",
+    metavar="ENGINE",
+    help="Run model and extended model again in pybullet, mujoco or builtin at the measured poses.",
+)
+@click.option(
+    "--seed", type=int, default=0, show_default=True, help="Of --rerun, for the same numbers again."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print diagnosis.json, and nothing else.")
 def diagnose_command(
-    session: Path, model: Path | None, causes: str, drop: tuple[int, ...], as_json: bool
+    session: Path,
+    model: Path | None,
+    causes: str,
+    drop: tuple[int, ...],
+    engine: str | None,
+    seed: int,
+    as_json: bool,
 ) -> int:
     """Say what the model of the session in DIR gets wrong, and name the cause.
 
@@ -46,14 +61,20 @@ def diagnose_command(
     from comcal.workflow.diagnose import diagnose_session
 
     names = [name.strip() for name in causes.split(",") if name.strip()]
-    diagnosed = diagnose_session(session, model=model, causes=names, drop=drop)
+    diagnosed = diagnose_session(
+        session, model=model, causes=names, drop=drop, engine=engine, seed=seed
+    )
     if as_json:
         click.echo(diagnosed.files[0].read_text("utf-8"), nl=False)
     else:
-        from comcal.report.console import make_console
+        from comcal.report.console import make_console, print_lines
         from comcal.report.diagnosis import print_diagnosis
+        from comcal.report.rerun import rerun_lines
 
-        print_diagnosis(make_console(), diagnosed.diagnosis)
+        console = make_console()
+        if diagnosed.rerun is not None:
+            print_lines(console, [*rerun_lines(diagnosed.rerun), ""])
+        print_diagnosis(console, diagnosed.diagnosis)
         for path in diagnosed.files:
             click.echo(f"wrote {path}")
     undecided = diagnosed.diagnosis.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED)

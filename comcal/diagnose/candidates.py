@@ -11,6 +11,7 @@ import numpy as np
 from comcal.diagnose.linear import Linear
 from comcal.effects.effect import Effect
 from comcal.effects.registry import effects
+from comcal.identify.unknowns import rigid_parts
 from comcal.measure.table import PoseTable
 from comcal.robot.changes import ALL, Change
 from comcal.robot.changes_kinds import TargetKind
@@ -91,13 +92,23 @@ def _targets(effect: Effect, robot: Robot, table: PoseTable) -> Iterator[str]:
     if TargetKind.SENSOR in spec.targets:
         yield from (name for name in robot.sensors if name in table.wrench)
     if TargetKind.LINK in spec.targets:
-        yield from (link.name for link in robot.tree.links if link.mass > 0.0)
+        yield from (robot.tree.links[k].name for k in _heaviest_of_each_body(robot))
     if TargetKind.JOINT in spec.targets:
         yield from robot.tree.joint_names
     if TargetKind.FOOT in spec.targets:
         yield from robot.feet
     if spec.has_all:
         yield ALL
+
+
+def _heaviest_of_each_body(robot: Robot) -> list[int]:
+    """Return one link of everything that fixed joints hold together: no reading sees the others."""
+    best: dict[int, int] = {}
+    for k, body in enumerate(rigid_parts(robot).tolist()):
+        mass = robot.tree.links[k].mass
+        if mass > 0.0 and (body not in best or mass > robot.tree.links[best[body]].mass):
+            best[body] = k
+    return sorted(best.values())
 
 
 def columns(candidate: Candidate, at: Linear) -> Array:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from comcal.diagnose.candidates import Candidate, columns
 from comcal.diagnose.linear import Linear
 from comcal.robot.changes import ALL
-from comcal.robot.changes_table import EFFECTS
+from comcal.robot.changes_table import CHANNELS, EFFECTS
 from comcal.robot.healthy import healthy_spreads
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
@@ -97,7 +97,10 @@ class Catalogue:
 
 
 def catalogue(
-    candidates: Sequence[Candidate], robot: Robot, looked_for: Container[str] | None = None
+    candidates: Sequence[Candidate],
+    robot: Robot,
+    looked_for: Container[str] | None = None,
+    tares: Mapping[str, Array] | None = None,
 ) -> Catalogue:
     """Put candidates side by side.
 
@@ -108,6 +111,8 @@ def catalogue(
         Whose tolerances count.
     looked_for : container of str, optional
         Effects that may be faults; others only have their healthy spread. Default: all.
+    tares : mapping from sensor to array, shape (6, 6), optional
+        Covariance of the offsets that were subtracted: what is left of them may be so large.
     """
     spreads = healthy_spreads(robot)
     fault: list[float] = []
@@ -122,7 +127,8 @@ def catalogue(
             scale = _mass(robot, candidate.target) if of == "link_mass" else 1.0
             fault.append(size)
             family.append(of)
-            healthy.append(scale * spreads.get(of, 0.0) if of else 0.0)
+            spread = scale * spreads.get(of, 0.0) if of else 0.0
+            healthy.append(float(np.hypot(spread, _of_tare(candidate, key, tares or {}))))
             known = None if spec is None else spec.keys.get(key)
             bounded = known is not None and known.least == 0.0
             positive.append(bounded and key not in candidate.effect.moments)
@@ -140,3 +146,11 @@ def catalogue(
 
 def _mass(robot: Robot, link: str) -> float:
     return robot.tree.links[robot.tree.link_index[link]].mass
+
+
+def _of_tare(candidate: Candidate, key: str, tares: Mapping[str, Array]) -> float:
+    """Return the standard deviation of the offset that a tare leaves in a channel; 0 of others."""
+    if candidate.effect.name != "ft_bias" or candidate.target not in tares:
+        return 0.0
+    channel = CHANNELS.index(key)
+    return float(np.sqrt(tares[candidate.target][channel, channel]))

@@ -19,8 +19,12 @@ def with_wrench(table: PoseTable, sensor: str, wrench: Array) -> PoseTable:
 
 
 def raw_sign(robot: Robot, sensor: str) -> float:
-    """Return the sign between a sensor's own reading and the table's wrench (ground on robot)."""
-    return 1.0 if robot.sensors[sensor].sense is Sense.ON_ROBOT else -1.0
+    """Return the sign between a sensor's own reading and the table's wrench (ground on robot).
+
+    A plate feels what the ground does to the feet: its sign is 1.
+    """
+    known = robot.sensors.get(sensor)
+    return 1.0 if known is None or known.sense is Sense.ON_ROBOT else -1.0
 
 
 def joints_of(robot: Robot, change: Change) -> Array:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from comcal.report.display_units import shown_unit
 from comcal.report.rerun import RerunGain, rerun_json
 
 FORMAT = "comcal-demo/1"
-CHANNELS_SHOWN, PARAMETERS_SHOWN, RIVALS_SHOWN = 4, 6, 2
+CHANNELS_SHOWN, PARAMETERS_SHOWN, RIVALS_SHOWN = 4, 4, 2
 WELL_KNOWN = 0.01
 """One sigma of a link CoM that is worth comparing with a model [m]."""
 MM = 1e3
@@ -45,6 +46,8 @@ class DemoStory:
         was named.
     rerun : RerunGain or None
         The physics again at the poses held out; None likewise.
+    page : Path
+        ``report.html`` of the diagnosis.
     notes : tuple of str
         Why something is missing.
     """
@@ -54,6 +57,7 @@ class DemoStory:
     nominal: Calibration | None
     extended: Calibration | None
     rerun: RerunGain | None
+    page: Path
     notes: tuple[str, ...] = ()
 
 
@@ -144,12 +148,15 @@ def _causes(console: Console, diagnosis: Diagnosis) -> None:
 
 
 def _cause(console: Console, cause: Cause) -> None:
-    rows = [(f"  {p.key}", p.value, p.interval) for p in parameter_texts(cause)]
-    if rows:
-        print_table(console, rows[:PARAMETERS_SHOWN])
+    every = parameter_texts(cause)
+    shown = every
+    if len(every) > PARAMETERS_SHOWN:
+        shown = [p for p in every if p.note] or every[:PARAMETERS_SHOWN]
+    if shown:
+        print_table(console, [(f"  {p.key}", p.value, p.interval) for p in shown])
     lines = list[str]()
-    if len(rows) > PARAMETERS_SHOWN:
-        lines.append(f"  and {len(rows) - PARAMETERS_SHOWN} more parameters")
+    if len(every) > len(shown):
+        lines.append(f"  {len(every) - len(shown)} more, within what is healthy")
     rivals = [f"{name} {chance}" for name, chance, _ in rival_texts(cause.rivals[:RIVALS_SHOWN])]
     against = f"; strongest rivals {', '.join(rivals)}" if rivals else ""
     lines.append(f"  {cause.size:.0f} sigmas, {in_favour(cause.log_odds)} against none{against}")

@@ -57,9 +57,10 @@ def _told(session: Session, source: str, held_out: Sequence[int], seed: int) -> 
     notes = list[str]()
     nominal = _tried(lambda: _calibration(session, fresh), notes)
     diagnosed = diagnose_session(session.directory, drop=fresh)
-    story = DemoStory(diagnosed.diagnosis, fresh, nominal, None, None)
+    page = _file(diagnosed, "report.html")
+    story = DemoStory(diagnosed.diagnosis, fresh, nominal, None, None, page)
     if diagnosed.diagnosis.changes:
-        model = read_model(_extended_yaml(diagnosed))
+        model = read_model(_file(diagnosed, "extended.yaml"))
         story = replace(
             story,
             extended=_tried(lambda: _calibration(session, fresh, model), notes),
@@ -94,5 +95,5 @@ def _words(reason: ComcalError) -> str:
     return f"{reason.where}: {reason.what}" if reason.where else reason.what
 
 
-def _extended_yaml(diagnosed: Diagnosed) -> Path:
-    return next(path for path in diagnosed.files if path.name == "extended.yaml")
+def _file(diagnosed: Diagnosed, name: str) -> Path:
+    return next(path for path in diagnosed.files if path.name == name)

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from comcal.diagnose.diagnose import diagnose
 from comcal.diagnose.diagnosis import Diagnosis
 from comcal.effects.registry import corrected, effects
@@ -19,11 +21,13 @@ from comcal.predict.assumed import Assumed
 from comcal.report.diagnosis_html.page import PageSubject, diagnosis_page
 from comcal.report.diagnosis_html.raw import raw_channels
 from comcal.report.diagnosis_json import diagnosis_json
+from comcal.report.rerun import RerunGain, rerun_json
 from comcal.robot.changes import check_changes
 from comcal.robot.changes_yaml import KnownChange, read_extension
 from comcal.robot.validate import did_you_mean
 from comcal.workflow.calibrate import input_hashes, load_session, without_poses
 from comcal.workflow.diagnosed_model import extended_text
+from comcal.workflow.rerun import rerun_gain
 
 
 @dataclass(frozen=True)
@@ -34,11 +38,14 @@ class Diagnosed:
     ----------
     files : tuple of Path
         Written files, ``diagnosis.json`` first.
+    rerun : RerunGain or None
+        The physics repeated with the model as given and as extended, if that was asked for.
     """
 
     session: Session
     diagnosis: Diagnosis
     files: tuple[Path, ...]
+    rerun: RerunGain | None = None
 
 
 def diagnose_session(
@@ -47,6 +54,8 @@ def diagnose_session(
     model: Path | None = None,
     causes: Sequence[str] = (),
     drop: Sequence[int] = (),
+    engine: str | None = None,
+    seed: int = 0,
 ) -> Diagnosed:
     """Diagnose a session; write ``results/NNN`` with JSON, extended model, page and poses.
 
@@ -59,6 +68,11 @@ def diagnose_session(
         Effects to look for; by default the whole catalogue.
     drop : sequence of int
         Pose ids to leave out.
+    engine : str, optional
+        Simulated source in which the model as given and as extended are run again at the measured
+        poses.
+    seed : int
+        Of that source, and of the bootstrap over poses.
 
     Returns
     -------
@@ -93,6 +107,17 @@ def diagnose_session(
     # With few causes to choose from, tolerances that are learnt would swallow all the others.
     found = diagnose(assumed, readings, causes=tuple(causes) or None, learn=not causes)
     found = replace(found, notes=tuple(dict.fromkeys((*table.notes, *found.notes))))
+    again = None
+    if engine is not None and found.changes:
+        again = rerun_gain(
+            robot,
+            without_poses(table, drop, session),
+            engine,
+            found.changes,
+            np.random.default_rng(seed),
+            given=[known.change for known in given],
+            seed=seed,
+        )
     subject = PageSubject(
         title=session.directory.resolve().name,
         diagnosis=found,
@@ -100,7 +125,8 @@ def diagnose_session(
         facts=(("robot", robot.name),),
         made_from=hashes,
     )
-    return Diagnosed(session, found, _write(session, subject, given, robot.name))
+    files = _write(session, subject, given, robot.name, again)
+    return Diagnosed(session, found, files, again)
 
 
 def _check_cause(name: str) -> None:
@@ -121,10 +147,16 @@ def _check_cause(name: str) -> None:
 
 
 def _write(
-    session: Session, subject: PageSubject, given: Sequence[KnownChange], robot: str
+    session: Session,
+    subject: PageSubject,
+    given: Sequence[KnownChange],
+    robot: str,
+    again: RerunGain | None,
 ) -> tuple[Path, ...]:
     """Write all files of a diagnosis into a new folder, and publish it when it is complete."""
     content = diagnosis_json(subject.diagnosis, subject.made_from, robot)
+    if again is not None:
+        content["rerun"] = rerun_json(again)
     # Everything is text before the first file is made: a fault leaves no half-filled folder.
     texts = {
         "extended.yaml": extended_text(given, subject.diagnosis),

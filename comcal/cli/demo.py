@@ -92,7 +92,6 @@ def demo_command(
         click.echo(json.dumps(content, indent=1, allow_nan=False))
     else:
         print_demo(console, demo.story)
-        click.echo(f"wrote {demo.story.page}")
-        click.echo(f"next: comcal diagnose {demo.session.directory}   (everything, in full)")
+        click.echo(f"wrote {demo.story.page}   (in full: comcal diagnose {demo.session.directory})")
         print_lines(console, [hidden_line(demo.judgement)], style="bold")
     return 0 if demo.judgement.is_right else EXIT_NOT_FOUND

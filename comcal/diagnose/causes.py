@@ -20,7 +20,7 @@ from comcal.robot.tree import Array
 
 Z = float(norm.ppf(0.975))
 """Half width of a 95 % interval in standard deviations."""
-LARGEST_GROUP = 4
+LARGEST_GROUP = 12
 
 
 def cause_of(named: Named, i: int, gain: Gain | None) -> Cause:
@@ -101,7 +101,7 @@ def groups_of(causes: Sequence[Cause]) -> tuple[tuple[Rival, ...], ...]:
     """Return for every cause that has rivals which cannot be excluded the set of all of them."""
     found: list[tuple[Rival, ...]] = []
     for cause in causes:
-        rivals = undecided(cause.change.effect, cause.change.target, cause.rivals)
+        rivals = undecided(cause.change.effect, cause.rivals)
         if rivals:
             own = Rival(cause.change.effect, cause.change.target, 0.0, 0.0)
             found.append((own, *rivals[: LARGEST_GROUP - 1]))

@@ -27,8 +27,8 @@ GENERAL = {
     "tether": {"cable_pull", "external_contact"},
     "ft_crosstalk": {"ft_mounting", "ft_position", "ft_gain"},
 }
-"""Effects that at the same target hold others as special cases: no rivals of theirs by what they
-leave, which is nothing by their nature."""
+"""Effects that hold others as special cases: no rivals of theirs by what they leave: nothing,
+by their nature."""
 
 
 def own_coordinates(named: Named, i: int) -> Array:
@@ -114,18 +114,18 @@ def left_by(scene: Scene, against: Metric, x: Array, i: int, rival: int) -> floa
     return float(np.sqrt(max(total - taken, 0.0) / total))
 
 
-def _is_special(effect: str, target: str, other: str, at: str) -> bool:
-    """Whether an effect is a special case of another one at the same target."""
-    return at == target and effect in GENERAL.get(other, set())
+def _is_general(other: str, effect: str) -> bool:
+    """Whether an effect holds another one as a special case, perhaps from a link nearby."""
+    return effect in GENERAL.get(other, set())
 
 
-def undecided(effect: str, target: str, rivals: Sequence[Rival]) -> tuple[Rival, ...]:
+def undecided(effect: str, rivals: Sequence[Rival]) -> tuple[Rival, ...]:
     """Return the rivals of a cause that cannot be excluded, the likeliest of every effect first.
 
     Parameters
     ----------
-    effect, target : str
-        The cause named.
+    effect : str
+        Of the cause named.
     rivals : sequence of Rival
         Strongest first.
     """
@@ -133,10 +133,7 @@ def undecided(effect: str, target: str, rivals: Sequence[Rival]) -> tuple[Rival,
         rival
         for rival in rivals
         if rival.log_odds < UNDECIDED
-        or (
-            rival.left_sigmas < UNSEEN
-            and not _is_special(effect, target, rival.effect, rival.target)
-        )
+        or (rival.left_sigmas < UNSEEN and not _is_general(rival.effect, effect))
     ]
     best = {rival.effect: rival for rival in reversed(close)}
     first = [rival for rival in close if best[rival.effect] is rival]

@@ -26,7 +26,7 @@ from comcal.report.display_units import shown_unit
 from comcal.report.rerun import RerunGain, rerun_json
 
 FORMAT = "comcal-demo/1"
-CHANNELS_SHOWN, PARAMETERS_SHOWN, RIVALS_SHOWN = 4, 4, 2
+CHANNELS_SHOWN, PARAMETERS_SHOWN = 3, 4
 WELL_KNOWN = 0.01
 """One sigma of a link CoM that is worth comparing with a model [m]."""
 MM = 1e3
@@ -157,8 +157,10 @@ def _cause(console: Console, cause: Cause) -> None:
     lines = list[str]()
     if len(every) > len(shown):
         lines.append(f"  {len(every) - len(shown)} more, within what is healthy")
-    rivals = [f"{name} {chance}" for name, chance, _ in rival_texts(cause.rivals[:RIVALS_SHOWN])]
-    against = f"; strongest rivals {', '.join(rivals)}" if rivals else ""
+    against = ""
+    if cause.rivals:
+        name, chance, _ = rival_texts(cause.rivals[:1])[0]
+        against = f"; strongest rival {name} {chance}"
     lines.append(f"  {cause.size:.0f} sigmas, {in_favour(cause.log_odds)} against none{against}")
     if cause.remedy:
         lines.append(f"  remedy: {cause.remedy}")
@@ -169,7 +171,11 @@ def _gain(console: Console, story: DemoStory) -> None:
     rows = held_out_rows(story.diagnosis)
     if rows and story.diagnosis.causes:
         console.print()
-        print_lines(console, ["Predicted by statics, poses left out in turn"], style="bold")
+        print_lines(
+            console,
+            ["Predicted by statics, poses left out in turn (a gain alone proves no cause)"],
+            style="bold",
+        )
         print_table(console, rows, HELD_OUT_HEADER)
     if story.rerun is None:
         return

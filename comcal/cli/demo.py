@@ -17,7 +17,8 @@ EXIT_NOT_FOUND = 5
     "--robot",
     default="biped14",
     show_default=True,
-    help="Generated robot: biped14 (64 kg, 14 joints) or table1 (Muscolo 2017, planar).",
+    help="Generated robot: biped14 (64 kg, 14 joints) or table1 (Muscolo 2017; planar, so that "
+    "some faults cannot be told apart).",
 )
 @click.option("--source", help="pybullet, mujoco or builtin [default: the best one installed].")
 @click.option(

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from comcal.diagnose.candidates import Candidate
 from comcal.diagnose.catalogue import Catalogue
@@ -18,7 +18,7 @@ from comcal.effects.registry import effects
 from comcal.robot.changes_table import EFFECTS
 from comcal.robot.tree import Array
 
-Z = float(norm.ppf(0.975))
+Z = float(ndtri(0.975))
 """Half width of a 95 % interval in standard deviations."""
 LARGEST_GROUP = 12
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import chi2 as chi2_law
+from scipy.special import chdtrc
 
 from comcal.diagnose.diagnosis import Channel, Trace
 from comcal.diagnose.naming import Named
@@ -147,7 +147,7 @@ def chance(fits: tuple[RowFit, ...]) -> float:
     """Return the probability that the worst row is so far off by chance, after the causes."""
     if not fits:
         return 1.0
-    worst = min(float(chi2_law.sf(fit.chi2_after, len(fit.index))) for fit in fits)
+    worst = min(float(chdtrc(len(fit.index), fit.chi2_after)) for fit in fits)
     return min(1.0, worst * len(fits))
 
 

@@ -19,8 +19,8 @@ from comcal.diagnose.catalogue import Catalogue, catalogue
 from comcal.diagnose.evidence import explained
 from comcal.diagnose.scene import Scene
 from comcal.effects.registry import effects
-from comcal.measure.plan import NONE
 from comcal.predict.parity import placed
+from comcal.predict.standing import world_axes
 from comcal.robot.changes import Change, Value
 from comcal.robot.tree import Array
 
@@ -82,7 +82,7 @@ def links_that_touch(about: Scene) -> tuple[int, ...]:
 
 
 def contacts(about: Scene, causes: Sequence[int]) -> list[Contact]:
-    """Return how likely each link touched something in each standing pose, best first.
+    """Return how likely each link touched something in each pose, best first.
 
     Parameters
     ----------
@@ -100,8 +100,6 @@ def contacts(about: Scene, causes: Sequence[int]) -> list[Contact]:
     found: list[Contact] = []
     of_pose = about.by.pose
     for pose in range(len(about.at.table)):
-        if about.at.table.support[pose] == NONE:
-            continue
         rows = of_pose == pose
         x, t = L[rows], T[rows]
         tx = t.T @ x
@@ -142,7 +140,8 @@ def _axes(about: Scene, contact: Contact) -> Array:
     """Return R_link_P of the contact's link in its pose."""
     assumed, table = about.at.assumed, about.at.table.select([contact.pose])
     balance, _, standing = placed(assumed, table, table.support[0])
-    R_root_P = np.eye(3) if standing is None else standing.R_root_P[0]
+    hanging = world_axes(balance.direction)[0]
+    R_root_P = hanging if standing is None else standing.R_root_P[0]
     return np.asarray(balance.placements.R[0, contact.link].T @ R_root_P, np.float64)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2 as chi2_law
+from scipy.special import chdtrc
 from threadpoolctl import threadpool_limits
 
 from comcal.diagnose.advice import missing_channels, what_would_decide
@@ -146,7 +146,7 @@ def _named(about: Scene, learn: bool) -> Named:
 
 def _fits(named: Named) -> bool:
     against = named.scene.against()
-    return float(chi2_law.sf(against.rr, max(against.rows, 1))) > HEALTHY_P
+    return float(chdtrc(max(against.rows, 1), against.rr)) > HEALTHY_P
 
 
 def _log_evidence(named: Named) -> float:
@@ -163,13 +163,13 @@ def _misfit(about: Scene, named: Named, fits: tuple[RowFit, ...]) -> Misfit:
     x = coordinates_of(named)
     chi2 = after.rr + float(x @ after.K @ x - 2.0 * after.b @ x)
     dof = after.rows - int(np.count_nonzero(x))
-    p = float(chi2_law.sf(chi2, max(dof, 1)))
+    p = float(chdtrc(max(dof, 1), chi2))
     return Misfit(
         chi2,
         dof,
         min(1.0, 2.0 * min(p, chance(fits))),
         before.rr,
-        float(chi2_law.sf(before.rr, max(before.rows, 1))),
+        float(chdtrc(max(before.rows, 1), before.rr)),
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from comcal.diagnose.diagnosis import Gain, HeldOut
 from comcal.diagnose.evidence import whole
@@ -130,7 +130,7 @@ def _gain(before: Array, after: Array) -> Gain:
 def _interval(values: Array) -> tuple[float, float, float]:
     n = len(values)
     mean = float(values.mean())
-    half = float(student.ppf(0.5 + CONFIDENCE / 2, n - 1) * values.std(ddof=1) / np.sqrt(n))
+    half = float(stdtrit(n - 1, 0.5 + CONFIDENCE / 2) * values.std(ddof=1) / np.sqrt(n))
     return mean, mean - half, mean + half
 
 

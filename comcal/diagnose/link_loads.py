@@ -10,6 +10,7 @@ import numpy as np
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
 from comcal.predict.parity import Parity, placed
+from comcal.predict.standing import world_axes
 from comcal.robot.frames import cross
 from comcal.robot.tree import Array
 from comcal.statics.balance import Balance
@@ -28,8 +29,8 @@ class LinkLoads:
     by_weight : array, shape (n, n_links, 4)
         Of a mass at the origin of each link [1/kg], and of first moments in its frame [1/(kg m)].
     by_force, by_couple : array, shape (n, n_links, 3)
-        Of a force at its origin [1/N], and of a couple [1/(N m)], in axes of P; zero for a hanging
-        robot.
+        Of a force at its origin [1/N], and of a couple [1/(N m)], in axes of P; of a hanging
+        robot, in axes of the world.
     """
 
     by_weight: Array
@@ -59,7 +60,7 @@ def link_loads(assumed: Assumed, table: PoseTable, at: Parity) -> LinkLoads:
         index = np.unique(at.pose[block])
         balance, carrier, standing = placed(assumed, table.select(index), support)
         R, p, f = balance.placements.R, balance.placements.p, balance.direction[:, None]
-        P = np.broadcast_to(np.eye(3), (len(index), 3, 3)), np.zeros((len(index), 3))
+        P = world_axes(balance.direction), np.zeros((len(index), 3))
         if standing is not None:
             P = standing.R_root_P, standing.p_root_P
         rows = [at.row[i] for i in block[: len(block) // len(index)]]
@@ -71,8 +72,6 @@ def link_loads(assumed: Assumed, table: PoseTable, at: Parity) -> LinkLoads:
         for i in range(3):
             turned = np.concatenate([np.zeros(p.shape), cross(R[..., i], weight)], axis=-1)
             by_weight[block, :, 1 + i] = _rows(felt, turned)
-            if standing is None:
-                continue
             along = np.broadcast_to(P[0][:, None, :, i], p.shape)
             pull = np.concatenate([along, cross(p, along)], axis=-1)
             by_force[block, :, i] = _rows(felt, pull)

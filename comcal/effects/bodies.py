@@ -86,7 +86,7 @@ def _link_length(assumed: Assumed, table: PoseTable, change: Change) -> State:
 PAYLOAD = Effect(
     name="payload",
     correct=_payload,
-    fault={"mass": 2.0, **dict.fromkeys(COM, 0.2)},
+    fault={"mass": 3.0, **dict.fromkeys(COM, 0.5)},
     moments=COM,
     signature="the weight grows, moments and torques of the joints below follow that link",
     separated_by="poses that move the joints next to the link",

@@ -22,7 +22,7 @@ from comcal.measure.plan import NONE
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed, Load
 from comcal.predict.inertial import inertial_wrenches
-from comcal.predict.standing import Standing, standing_at
+from comcal.predict.standing import Standing, standing_at, world_axes
 from comcal.robot.frames import apply, cross, rotation_from_rpy
 from comcal.robot.kinematics import Placements, place_links
 from comcal.robot.tree import Array
@@ -222,7 +222,7 @@ def _balance(
         frames.append(load.link)
         # What acts below the cut of a foot that stands goes into the ground: no sensor feels it.
         felt = float(carrier.carried[load.link])
-        w.append(felt * _load_wrench(load, table, at, standing))
+        w.append(felt * _load_wrench(load, table, at, standing, up))
     for link, wrench in _inertial(assumed, table, carrier):
         sensors.append(f"load of inertia {link}")
         frames.append(link)
@@ -245,14 +245,15 @@ def _inertial(assumed: Assumed, table: PoseTable, carrier: Carrier) -> Iterator[
         yield int(link), -assumed.inertia * wrenches[:, link]
 
 
-def _load_wrench(load: Load, table: PoseTable, at: Placements, standing: Standing | None) -> Array:
+def _load_wrench(
+    load: Load, table: PoseTable, at: Placements, standing: Standing | None, up: Array
+) -> Array:
     """Return a load in and about its link's frame, shape (N, 6); zero in poses without it."""
     R_root_link, p = at.R[:, load.link], at.p[:, load.link]
     n = len(table)
     force: Array = np.broadcast_to(load.force, (n, 3))
-    R_root_P = np.broadcast_to(np.eye(3), (n, 3, 3))
+    R_root_P = world_axes(up) if standing is None else standing.R_root_P
     if standing is not None:
-        R_root_P = standing.R_root_P
         point = p + apply(R_root_link, load.point) - standing.p_root_P
         x = apply(np.swapaxes(R_root_P, 1, 2), point)
         force = force - (x - load.anchor) @ load.stiffness.T

@@ -50,6 +50,7 @@ def plain_readings(assumed: Assumed, table: PoseTable) -> PoseTable:
     roll, pitch = assumed.imu_tilt
     R_link_imu = rotation_from_rpy([roll, pitch, 0.0])
     table = replace(table, imu=table.imu @ R_link_imu.T)
+    assumed = replace(assumed, imu_tilt=np.zeros(2))
     if not assumed.loads and not assumed.inertia:
         return table
     wrench = {sensor: w.copy() for sensor, w in table.wrench.items()}

@@ -9,7 +9,7 @@ import numpy as np
 
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
-from comcal.robot.frames import apply, cross, skew
+from comcal.robot.frames import apply, cross, rotation_from_rpy, skew
 from comcal.robot.kinematics import Placements
 from comcal.robot.tree import Array
 from comcal.statics.stance import sensor_origin
@@ -68,6 +68,20 @@ def standing_at(assumed: Assumed, table: PoseTable, carrier: Carrier, at: Placem
     in_P = apply(np.swapaxes(R_root_P, 1, 2), lean)
     closure = np.column_stack([in_P[:, :2], height])
     return Standing(R_root_P, np.mean(origins, axis=0), closure)
+
+
+def world_axes(up: Array) -> Array:
+    """Return R_root_world of a hanging robot that is not turned about the vertical, (N, 3, 3).
+
+    Parameters
+    ----------
+    up : array, shape (N, 3)
+        Upward vector in the root frame; where it is unknown, the robot counts as upright.
+    """
+    x, y, z = _unit(np.nan_to_num(up) + np.array([0.0, 0.0, 1e-300])).T
+    roll, pitch = np.arctan2(y, z), np.arcsin(np.clip(-x, -1.0, 1.0))
+    R = [rotation_from_rpy([r, p, 0.0]).T for r, p in zip(roll, pitch, strict=True)]
+    return np.stack(R) if R else np.zeros((0, 3, 3))
 
 
 def _moment_at_sole(

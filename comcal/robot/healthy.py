@@ -14,6 +14,7 @@ from comcal.robot.changes_kinds import TargetKind
 from comcal.robot.changes_table import CHANNELS, EFFECTS
 from comcal.robot.model import Robot
 from comcal.robot.tree import JointType
+from comcal.robot.units import LARGEST
 
 USUAL_SPREADS: Mapping[str, float] = MappingProxyType(
     {
@@ -173,7 +174,8 @@ def _drawn(
         for key, family in row.families.items():
             value = scale * spreads[family] * float(rng.standard_normal())
             value = abs(value) if row.one_sided else value
-            if value != 0.0:
+            # A spring stiffer than any number that may be typed is none.
+            if value != 0.0 and not (row.inverse and LARGEST * abs(value) < 1.0):
                 parameters[key] = 1.0 / value if row.inverse else value
         if parameters:
             yield Change(row.effect, target, parameters)

@@ -19,6 +19,8 @@ HEAVY = 0.05
 """Share of the robot's mass that a link must have for something to be strapped to it."""
 AWAY = 0.12
 """Distance of what is strapped to a link from the CoM of that link, at least [m]."""
+LEAST_LEG = 5
+"""Joints of a leg that can put its foot flat on a floor of any slope, whatever its heading."""
 DIGITS = 2
 """To which values are rounded, so that truth and answer are easily compared."""
 
@@ -39,8 +41,11 @@ def draw_fault(robot: Robot, rng: np.random.Generator) -> Change:
 
 
 def _is_possible(kind: str, robot: Robot) -> bool:
-    if kind == "torque_constant":
-        return any(joint in robot.motors for joint in _leg_joints(robot))
+    legs = _leg_joints(robot)
+    if kind in ("torque_constant", "current_offset"):
+        return any(joint in robot.motors for joint in legs)
+    if kind == "sole_compliance":  # planar legs could not follow a sole that gives to the side
+        return len(legs) >= LEAST_LEG * len(robot.feet)
     return kind != "imu_mounting" or robot.imu_link is not None
 
 

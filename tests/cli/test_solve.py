@@ -1,19 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``comcal solve`` and ``comcal demo``: the report, result.json against its schema, exit codes."""
+"""``comcal solve``: the report, result.json against its schema, exit codes."""
 
 from __future__ import annotations
 
 import json
 import shutil
 from importlib.resources import files
-from importlib.util import find_spec
 from pathlib import Path
 
 import jsonschema
 import pytest
 
 from comcal.cli.main import main
-from comcal.workflow import demo
 from comcal_sims.robots import biped14, table1
 
 SCHEMA = json.loads(files("comcal.report").joinpath("result.schema.json").read_text("utf-8"))
@@ -220,51 +218,4 @@ def test_the_biped_with_fourteen_joints_is_solved_without_cramer(
     jsonschema.validate(result, SCHEMA)
     assert result["rank"] == 27
     assert result["cramer"]["reason"]
-    assert result["verdict"] == "passed"
-
-
-@pytest.mark.parametrize(
-    ("missing", "engine"),
-    [(set(), "pybullet"), ({"pybullet"}, "mujoco"), ({"pybullet", "mujoco"}, "builtin")],
-)
-def test_the_demo_takes_the_best_engine_and_says_why(
-    missing: set[str], engine: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(demo, "find_spec", lambda name: None if name in missing else object())
-    choice = demo.choose_engine()
-    assert choice.source == engine
-    assert choice.why
-    assert all(name in choice.why for name in missing if name != "mujoco")
-
-
-def test_the_demo_ends_in_a_verdict_and_overwrites_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for folder in ("comcal-demo", "comcal-demo-2"):
-        assert main(["demo", "--source", "builtin", "--seed", "2", "-o", str(tmp_path)]) == 0
-        out = capsys.readouterr().out
-        assert out.startswith("engine: builtin")
-        assert "Verdict: PASSED" in out
-        assert "next: comcal solve" in out
-        assert (tmp_path / folder / "session" / "results" / "latest" / "result.json").is_file()
-
-
-def test_a_demo_that_cannot_begin_leaves_nothing_behind(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["demo", "--source", "nothing", "-o", str(tmp_path)]) == 2
-    assert "there is no source 'nothing'" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.engine
-@pytest.mark.parametrize("engine", ["pybullet", "mujoco"])
-def test_the_demo_runs_in_every_engine(
-    engine: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    if find_spec(engine) is None:
-        pytest.skip(f"{engine} is not installed")
-    code = main(["demo", "--source", engine, "--seed", "3", "-o", str(tmp_path), "--json"])
-    result = json.loads(capsys.readouterr().out)
-    assert code == 0
     assert result["verdict"] == "passed"

@@ -21,6 +21,9 @@ CERTAIN = 15.0
 CLASSES = ("engine", "sensor_frame", "actuator", "model")
 
 
+ROUNDING = 1e-12
+
+
 @dataclass(frozen=True)
 class Criterion:
     """One rate that is asked for.
@@ -71,7 +74,8 @@ class Rate:
     def is_met(self) -> bool:
         """Whether the interval reaches what is asked for."""
         low, high = self.interval
-        return high >= self.criterion.least and low <= self.criterion.most
+        # The ends of the interval are rounded: 0 of n is met by `at most 0`.
+        return high >= self.criterion.least - ROUNDING and low <= self.criterion.most + ROUNDING
 
 
 def counts(record: Record) -> bool:

@@ -6,6 +6,7 @@ What a change does to a robot is not covered here (tests/sims/faults).
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +21,9 @@ from comcal.robot.changes_table import EFFECTS
 from comcal.robot.changes_text import change_text, parse_change
 from comcal.robot.changes_yaml import KnownChange, read_extension, write_extension
 from comcal.robot.healthy import draw_healthy, healthy_spreads
-from comcal.robot.model import Foot, Motor, Robot, Sensor
+from comcal.robot.model import Foot, Motor, Robot, Sensor, Tolerances
 from comcal.robot.tree import Joint, JointType, Link, Tree
+from comcal.robot.units import LARGEST
 
 CONTRACT = [
     "ft_bias",
@@ -236,6 +238,15 @@ def test_healthy_draws_are_valid_reproducible_and_as_large_as_stated(robot: Robo
     assert np.sqrt(np.mean(np.square(springs))) == pytest.approx(
         spread["joint_compliance"], rel=0.2
     )
+
+
+def test_springs_too_stiff_to_be_written_down_are_none(robot: Robot) -> None:
+    """About two thirds of these joints would be stiffer than any number that may be typed."""
+    stiff = replace(robot, tolerances=Tolerances(other={"joint_compliance": 1.0 / LARGEST}))
+    rngs = [np.random.default_rng(seed) for seed in range(20)]
+    drawn = [change for rng in rngs for change in draw_healthy(stiff, rng, ["joint_compliance"])]
+    assert 0 < len(drawn) < 20 * len(robot.tree.joint_names)
+    assert [parse_change(change_text(change)) for change in drawn] == drawn
 
 
 def test_leaving_a_family_out_does_not_change_the_others(robot: Robot) -> None:

@@ -12,6 +12,7 @@ from comcal.diagnose.linear import Linear
 from comcal.effects.effect import Effect
 from comcal.effects.registry import effects
 from comcal.identify.unknowns import rigid_parts
+from comcal.measure.columns import wrench_names
 from comcal.measure.table import PoseTable
 from comcal.robot.changes import ALL, Change
 from comcal.robot.changes_kinds import TargetKind
@@ -90,7 +91,9 @@ def _targets(effect: Effect, robot: Robot, table: PoseTable) -> Iterator[str]:
     if TargetKind.NONE in spec.targets:
         yield ""
     if TargetKind.SENSOR in spec.targets:
-        yield from (name for name in robot.sensors if name in table.wrench)
+        # Nothing is below the cut of a plate.
+        known = robot.sensors if effect.name == "sole_mass" else wrench_names(robot)
+        yield from (name for name in known if name in table.wrench)
     if TargetKind.LINK in spec.targets:
         yield from (robot.tree.links[k].name for k in _heaviest_of_each_body(robot))
     if TargetKind.JOINT in spec.targets:

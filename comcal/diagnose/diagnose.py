@@ -121,7 +121,8 @@ def _diagnosed(
 
 def _catalogue(assumed: Assumed, table: PoseTable, causes: Sequence[str] | None) -> Catalogue:
     known = candidates(assumed.robot, table)
-    return catalogue(known, assumed.robot, None if causes is None else set(causes))
+    looked_for = None if causes is None else set(causes)
+    return catalogue(known, assumed.robot, looked_for, table.tare_cov)
 
 
 def _named(about: Scene, learn: bool) -> Named:

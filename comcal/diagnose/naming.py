@@ -66,9 +66,10 @@ def name_causes(about: Scene, most: int = MOST_CAUSES) -> Named:
     here, fit = about, Explanation(0.0, np.zeros(0), np.zeros((0, 0)))
     ladder: list[Rung] = []
     seen: set[frozenset[int]] = set()
+    impossible: set[int] = set()
     for _ in range(MOST_ROUNDS):
         odds = all_log_odds(about.of, here.against(causes))
-        odds[list(causes)] = -np.inf
+        odds[[*causes, *impossible]] = -np.inf
         ladder.append(_rung(here, causes, fit, odds, threshold))
         best = int(np.argmax(odds)) if len(odds) else -1
         touch = _contact(here, causes)
@@ -82,7 +83,12 @@ def name_causes(about: Scene, most: int = MOST_CAUSES) -> Named:
             break
         seen.add(frozenset(grown))
         # What is linear about causes that stayed is better than what is linear about none.
+        before = here, fit
         here, fit = refitted(here if set(causes) <= set(grown) else about, grown)
+        if not np.isfinite(fit.log_odds):  # together they would need a negative mass or spring
+            impossible.add(best)
+            here, fit = before
+            continue
         causes = _pruned(here, grown, threshold)
         if causes != grown:
             here, fit = refitted(about, causes)

@@ -58,7 +58,7 @@ def place_of(named: Named) -> Place | None:
     """
     scene = named.scene
     best: Place | None = None
-    for causes in dict.fromkeys(((), named.causes)):
+    for causes in (named.causes,):
         spread = scene.of.spread(scene.scales, causes)
         base = metric(scene.products, spread).log_likelihood
         for candidate in _candidates(scene):

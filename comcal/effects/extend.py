@@ -86,7 +86,7 @@ def extend(robot: Robot, table: PoseTable, known: Sequence[KnownChange]) -> Exte
                 shifts[name] = shift
     return Extended(
         robot=assumed.robot,
-        table=replace(plain, shared={**table.shared, **shifts}),
+        table=_known(replace(plain, shared={**table.shared, **shifts}), table),
         shared=tuple(shifts),
         exact=tuple(exact),
         idle=_idle(robot, table, changes),
@@ -96,6 +96,16 @@ def extend(robot: Robot, table: PoseTable, known: Sequence[KnownChange]) -> Exte
 def label(change: Change) -> str:
     """Return ``effect@target``, or the effect alone where it has no target."""
     return f"{change.effect}@{change.target}" if change.target else change.effect
+
+
+def _known(plain: PoseTable, raw: PoseTable) -> PoseTable:
+    """Leave out poses whose angles nobody knows any more: lag, and no side of arrival."""
+    lost = np.isnan(plain.q).any(axis=1) & ~np.isnan(raw.q).any(axis=1)
+    if not lost.any():
+        return plain
+    poses = ", ".join(str(raw.pose[i]) for i in np.flatnonzero(lost))
+    note = f"left out pose {poses}: the model has lag, and the side of arrival was not recorded"
+    return replace(plain.select(~lost), notes=(*plain.notes, note))
 
 
 def _same_bodies(one: Robot, other: Robot) -> bool:

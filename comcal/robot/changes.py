@@ -212,7 +212,7 @@ def names_of(robot: Robot, kind: TargetKind) -> tuple[str, ...]:
     if kind is TargetKind.JOINT:
         return tuple(joint.name for joint in robot.tree.joints)
     if kind is TargetKind.SENSOR:
-        return tuple(robot.sensors)
+        return (*robot.sensors, *robot.plates)
     if kind is TargetKind.FOOT:
         return tuple(robot.feet)
     if kind is TargetKind.IMU:

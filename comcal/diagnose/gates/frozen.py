@@ -65,7 +65,8 @@ def frozen_channels(assumed: Assumed, so_far: Gated) -> Gated:
 
 def _frozen(of: Sequence[Channel], noisy: bool | None, steps: ResidualSteps, least: int) -> Mask:
     """Return in which poses all channels given are frozen, shape (N,)."""
-    if noisy and all(c.has_sd for c in of):
+    # An encoder that stands on one step of its grid is at rest, not frozen.
+    if noisy and of[0].name != "q" and all(c.has_sd for c in of):
         still = np.all([c.stands_still for c in of], axis=0)
         # Windows that never scatter, about values that differ, are those of a heavy filter.
         stopped = all(c.is_constant for c in of) and any(np.nanmax(np.abs(c.values)) for c in of)
@@ -77,7 +78,7 @@ def _frozen(of: Sequence[Channel], noisy: bool | None, steps: ResidualSteps, lea
     for run in _runs(of):
         if len(run) < least or not any(c.values[run[0]] for c in of):
             continue
-        if steps.are_clear(of[0], run):
+        if any(steps.are_clear(c, run) for c in of):
             # Encoders have no noise: the first number was still right. Others have, and a mean
             # that equals a single sample is frozen as well.
             rows[run[1:] if of[0].name == "q" else run] = True

@@ -20,6 +20,9 @@ for _ignored in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
     if signal.getsignal(_ignored) is signal.SIG_IGN:
         signal.signal(_ignored, signal.SIG_DFL)
 
+# Programs under test write as wide as they do into a file, whatever terminal runs the tests.
+os.environ.pop("COLUMNS", None)
+
 # The same examples on every machine; `--hypothesis-profile=random` draws new ones.
 _COMMON = {"deadline": None, "print_blob": True}
 hypothesis.settings.register_profile("fixed", derandomize=True, database=None, **_COMMON)

@@ -21,10 +21,25 @@ GRAVITY = 9.80665
 """Of a kgf and of an acceleration in g [m/s^2]."""
 POUND = 4.4482216152605
 """Force of a pound [N]."""
+INCH, FOOT = 0.0254, 0.3048
+"""[m]"""
 FORCE_UNITS: Mapping[str, float] = {"kgf": 1.0 / GRAVITY, "lbf": 1.0 / POUND, "mN": 1e3}
 """Reading over true force."""
-MOMENT_UNITS: Mapping[str, float] = {"N mm": 1e3, "N cm": 1e2}
-WRENCH_UNITS: Mapping[str, float] = {"kgf, kgf m": 1.0 / GRAVITY}
+MOMENT_UNITS: Mapping[str, float] = {
+    "N mm": 1e3,
+    "N cm": 1e2,
+    "kgf m": 1.0 / GRAVITY,
+    "kgf cm": 1e2 / GRAVITY,
+    "lbf ft": 1.0 / (POUND * FOOT),
+    "lbf in": 1.0 / (POUND * INCH),
+}
+"""Forces in lbf and moments in lbf in are two mistakes, found one after the other."""
+WRENCH_UNITS: Mapping[str, float] = {
+    "kgf, kgf m": 1.0 / GRAVITY,
+    "lbf, lbf m": 1.0 / POUND,
+    "mN, N mm": 1e3,
+}
+"""One factor for all six channels: of the amplifier, or of units that agree in it."""
 DEGREES, MILLI = 180.0 / np.pi, 1e3
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from comcal.diagnose.contacts import Contact, contacts, links_that_touch, with_contact
+from comcal.diagnose.contacts import EFFECT, Contact, contacts, links_that_touch, with_contact
 from comcal.diagnose.diagnosis import Rung
 from comcal.diagnose.evidence import Explanation, all_log_odds, explain
 from comcal.diagnose.refit import refitted
@@ -101,7 +101,13 @@ def _lasting(about: Scene, causes: tuple[int, ...]) -> int:
 
 
 def _contact(about: Scene, causes: tuple[int, ...]) -> Contact | None:
-    """Return the likeliest contact in a pose that has none yet."""
+    """Return the likeliest contact in a pose that has none yet, if contacts are looked for."""
+    of = about.of
+    if not any(
+        may_be and candidate.effect.name == EFFECT
+        for candidate, may_be in zip(of.candidates, of.open, strict=True)
+    ):
+        return None
     taken = {about.of.candidates[i].poses for i in causes} - {None}
     if len(taken) >= MOST_CONTACTS:
         return None

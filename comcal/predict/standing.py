@@ -78,8 +78,8 @@ def world_axes(up: Array) -> Array:
     up : array, shape (N, 3)
         Upward vector in the root frame; where it is unknown, the robot counts as upright.
     """
-    x, y, z = _unit(np.nan_to_num(up) + np.array([0.0, 0.0, 1e-300])).T
-    roll, pitch = np.arctan2(y, z), np.arcsin(np.clip(-x, -1.0, 1.0))
+    x, y, z = np.nan_to_num(up).T
+    roll, pitch = np.arctan2(y, z), np.arctan2(-x, np.hypot(y, z))
     R = [rotation_from_rpy([r, p, 0.0]).T for r, p in zip(roll, pitch, strict=True)]
     return np.stack(R) if R else np.zeros((0, 3, 3))
 

@@ -4,7 +4,9 @@ r"""Readings that still move: their slopes within the windows are larger than no
 White noise gives the slope of a window of n samples over T seconds a standard deviation of
 :math:`\sqrt{12/n}\,/\,T` standard deviations of a sample, the same factor for every channel. How
 long the windows were, the table does not say; the quieter channels do: a robot that sways does not
-move all of them. Tables that know their accelerations are left alone: those are accounted for.
+move all of them. How large the largest of all slopes, and of all channels, may be is derived in
+:mod:`comcal.diagnose.gates.slope_limits`. Tables that know their accelerations are left alone:
+those are accounted for.
 """
 
 from __future__ import annotations
@@ -17,6 +19,12 @@ import numpy as np
 from comcal.diagnose.diagnosis import Finding
 from comcal.diagnose.gates.channels import Channel, Mask, channels, widened
 from comcal.diagnose.gates.gated import Gated, ids, listed
+from comcal.diagnose.gates.slope_limits import (
+    MAD,
+    largest_limit,
+    mean_square_limit,
+    shared_noise,
+)
 from comcal.predict.assumed import Assumed
 from comcal.robot.changes import Change
 from comcal.robot.changes_table import CHANNELS
@@ -28,17 +36,12 @@ over 2 pi 1 Hz."""
 FEWEST = 8
 """Poses without which the noise of slopes is not known."""
 GROSS = 10.0
-"""Standard deviations of a slope at which a pose is refused. The noise is estimated from quieter
-channels and few poses; so taken, less than one healthy table in 10 000 reaches it."""
+"""Standard deviations of a slope below which no pose is refused, however unlikely they are: windows
+may differ in their length, and noise need not be white."""
 MATTERS = 3.0
 """Errors of a mean that the slope must make within ``SWAY``."""
-CLEAR, FEW = 6.0, 12.0
-"""The mean square of the slopes of N poses, over that of noise, must exceed (1 + CLEAR sqrt(2/N))
-(1 + FEW/N), the second factor because the noise itself is estimated: the same 1 in 10 000."""
 WANES = 1.5
 """Time in which a sway is taken to fall to a third [s]."""
-_MAD = 0.6745
-"""Median of the size of a standard normal number."""
 
 
 @dataclass(frozen=True)
@@ -50,10 +53,14 @@ class _Slopes:
     noise: float
 
     @property
-    def gross(self) -> Mask:
-        """In which poses a slope is far beyond noise, and matters."""
+    def number(self) -> int:
+        """Of slopes."""
+        return int(np.isfinite(self.slope).sum())
+
+    def gross(self, limit: float) -> Mask:
+        """Return in which poses a slope is so many times as large as noise, and matters."""
         size, error = np.abs(self.slope), np.sqrt(self.channel.variance)
-        return np.asarray((size > GROSS * self.noise) & (size * SWAY > MATTERS * error), np.bool_)
+        return np.asarray((size > limit * self.noise) & (size * SWAY > MATTERS * error), np.bool_)
 
 
 def settled(assumed: Assumed, so_far: Gated) -> Gated:
@@ -64,9 +71,12 @@ def settled(assumed: Assumed, so_far: Gated) -> Gated:
     found = _found(assumed, so_far)
     if not found:
         return so_far
-    gross = np.asarray(np.any([s.gross for s in _with_noise(found, _typical)], axis=0), np.bool_)
+    slopes = _with_noise(found, _typical)
+    numbers = [s.number for s in slopes]
+    limit = max(GROSS, largest_limit(sum(numbers), min(numbers), len(numbers)))
+    gross = np.asarray(np.any([s.gross(limit) for s in slopes], axis=0), np.bool_)
     if gross.any():
-        so_far = _refused(so_far, _with_noise(found, _typical), gross)
+        so_far = _refused(so_far, slopes, gross, limit)
     left = [(c, np.where(gross, np.nan, slope)) for c, slope in found]
     left = [(c, slope) for c, slope in left if np.isfinite(slope).sum() >= FEWEST]
     return _widened(so_far, _with_noise(left, _root_mean_square)) if left else so_far
@@ -86,7 +96,7 @@ def _found(assumed: Assumed, so_far: Gated) -> list[tuple[Channel, Array]]:
 
 def _typical(slope: Array) -> float:
     """Return the standard deviation of slopes some of which may be gross."""
-    return float(np.nanmedian(np.abs(slope))) / _MAD
+    return float(np.nanmedian(np.abs(slope))) / MAD
 
 
 def _root_mean_square(slope: Array) -> float:
@@ -99,11 +109,11 @@ def _with_noise(
     """Judge what noise makes of the slopes by the quieter quarter of the channels."""
     sd = [float(np.median(c.sd[c.scatters])) for c, _ in found]
     ratios = [spread(slope) / s for (_, slope), s in zip(found, sd, strict=True)]
-    factor = float(np.quantile(ratios, 0.25))
+    factor = shared_noise(np.array(ratios))
     return [_Slopes(c, slope, factor * s) for (c, slope), s in zip(found, sd, strict=True)]
 
 
-def _refused(so_far: Gated, slopes: list[_Slopes], rows: Mask) -> Gated:
+def _refused(so_far: Gated, slopes: list[_Slopes], rows: Mask, limit: float) -> Gated:
     """Leave out all wrenches of poses in which one plainly moved."""
     table = so_far.table
     wrenches = {sensor: np.where(rows[:, None], np.nan, w) for sensor, w in table.wrench.items()}
@@ -114,9 +124,9 @@ def _refused(so_far: Gated, slopes: list[_Slopes], rows: Mask) -> Gated:
     finding = Finding(
         "not_settled",
         "",
-        _change(worst / GROSS),
+        _change(worst / limit),
         f"in {listed(poses)} the robot was still moving: {fastest.target}.{fastest.name} changes "
-        f"{worst:.0f} times as fast as noise makes it (limit {GROSS:g})",
+        f"{worst:.0f} times as fast as noise makes it (limit {limit:.3g})",
         poses,
         "forces and moments left out",
         "wait longer before reading, or hold the robot stiffer",
@@ -127,10 +137,10 @@ def _refused(so_far: Gated, slopes: list[_Slopes], rows: Mask) -> Gated:
 def _widened(so_far: Gated, slopes: list[_Slopes]) -> Gated:
     """Add what is left of the motion to the variance of the channels that show it."""
     table, names, worst = so_far.table, list[str](), 1.0
+    fewest = min(s.number for s in slopes)
     for s in slopes:
-        n = int(np.isfinite(s.slope).sum())
         ratio = float(np.nanmean(s.slope**2)) / s.noise**2
-        limit = (1.0 + CLEAR * np.sqrt(2.0 / n)) * (1.0 + FEW / n)
+        limit = mean_square_limit(s.number, fewest, len(slopes))
         more = (ratio - 1.0) * (s.noise * SWAY) ** 2
         if ratio > limit and more > float(np.nanmedian(s.channel.variance)):
             table = widened(table, s.channel, more)

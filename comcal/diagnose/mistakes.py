@@ -13,16 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from comcal.diagnose.mistakes_attempts import Surroundings, attempts, is_calm, surroundings
 from comcal.diagnose.mistakes_candidates import mistakes
-from comcal.diagnose.mistakes_spread import SIGMAS, Ordinary, ordinary
-from comcal.diagnose.readings import stacked, with_readings
-from comcal.effects.mistakes import scaled_readings
 from comcal.effects.registry import corrected
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
-from comcal.predict.parity import parity
 from comcal.robot.changes import Change
-from comcal.robot.tree import Array
 
 ENOUGH = 10.0
 """Log odds of a mistake against ordinary faults."""
@@ -38,12 +34,8 @@ MOST = 3
 """Mistakes that are undone one after the other."""
 ROUNDS = 4
 """Best attempts whose poses are taken as the true ones, in search of one that stays the best."""
-TAIL = 3.0
-"""Degrees of freedom of the first glance, which no single wild row decides."""
 POSES = 40
 """No more than this are looked at."""
-G_ERROR = 0.03
-"""Relative error of the length of what an IMU reads."""
 
 Rivals = tuple[tuple[Change, float], ...]
 
@@ -91,7 +83,8 @@ def screen_mistakes(assumed: Assumed, table: PoseTable, most: int = MOST) -> tup
     found: list[_Best] = []
     known, rest = 0, 1.0
     while tried and len(found) < most:
-        best = _best(assumed, _undone(assumed, part, found), tried)
+        about = found[-1].about if found else None
+        best = _best(assumed, _undone(assumed, part, found), tried, about)
         if best is None:
             break
         found.append(best)
@@ -115,12 +108,15 @@ class _Best:
         As of :class:`Mistake`.
     left : float
         Which part of what ordinary faults do not explain it leaves.
+    about : Surroundings
+        What it was weighed against.
     """
 
     change: Change
     log_odds: float
     rivals: Rivals
     left: float
+    about: Surroundings
 
 
 def _undone(assumed: Assumed, table: PoseTable, found: Sequence[_Best]) -> PoseTable:
@@ -133,7 +129,7 @@ def _in_place_of_one_another(
     """Weigh each of several mistakes again with the others undone: one may have hidden another."""
     for k in range(len(found) if len(found) > 1 else 0):
         others = [*found[:k], *found[k + 1 :]]
-        best = _best(assumed, _undone(assumed, table, others), tried)
+        best = _best(assumed, _undone(assumed, table, others), tried, found[k].about)
         if best is not None:
             found = [*found[:k], best, *found[k + 1 :]]
     return found
@@ -148,42 +144,22 @@ def _some(table: PoseTable) -> PoseTable:
     return table.select(np.sort(np.array(by_support)[chosen]))
 
 
-@dataclass(frozen=True)
-class _Attempts:
-    """All mistakes undone, each by itself; the first attempt undoes nothing.
-
-    Parameters
-    ----------
-    tables : tuple of PoseTable
-    residuals : array, shape (n, 1 + number)
-    lengths : array, shape (1 + number,)
-        Of what the IMU reads, in deviations from gravity.
-    prior : array, shape (1 + number,)
-        Log of the density lost where readings are taken to be smaller than they say.
-    """
-
-    tables: tuple[PoseTable, ...]
-    residuals: Array
-    lengths: Array
-    prior: Array
-
-
-def _best(assumed: Assumed, table: PoseTable, tried: Sequence[Change]) -> _Best | None:
+def _best(
+    assumed: Assumed, table: PoseTable, tried: Sequence[Change], about: Surroundings | None
+) -> _Best | None:
     """Return the best mistake, None where none says more than ordinary faults."""
-    at = ordinary(assumed, table)
-    given = parity(assumed, table).values
-    if _is_calm(at, given) and abs(_length(assumed, table)) < SIGMAS:
+    about = surroundings(assumed, table, about)
+    if is_calm(assumed, table, about.ordinary):
         return None
-    attempts = _attempts(assumed, table, tried)
-    near = _at_a_glance(attempts, at)
+    each = attempts(assumed, table, tried)
+    near = each.at_a_glance(about.ordinary)
     best = int(np.argmax(near))
     if near[best] < near[0] + PROMISING:
         return None
     scores = excess = near
     for _ in range(ROUNDS):
-        if best and not _same_poses(attempts.tables[best], at.linear.table):
-            at = ordinary(assumed, attempts.tables[best])
-        scores, excess = _scores(attempts, at)
+        about = surroundings(assumed, each.tables[best], about)
+        scores, excess = each.scores(about.ordinary)
         before, best = best, int(np.argmax(scores))
         if best == before:
             break
@@ -197,60 +173,4 @@ def _best(assumed: Assumed, table: PoseTable, tried: Sequence[Change]) -> _Best 
         for i in order
         if scores[best] - scores[i] <= EQUAL
     )
-    return _Best(tried[best - 1], odds, rivals, left)
-
-
-def _is_calm(at: Ordinary, residuals: Array) -> bool:
-    """Whether no kind of row strays further than those of a healthy robot, over all poses."""
-    kinds: dict[object, list[float]] = {}
-    for value, row in zip(residuals / at.calm, at.linear.at.row, strict=True):
-        if np.isfinite(value):
-            kinds.setdefault(row, []).append(float(value) ** 2)
-    return all(np.mean(values) < 1.0 for values in kinds.values())
-
-
-def _attempts(assumed: Assumed, table: PoseTable, tried: Sequence[Change]) -> _Attempts:
-    tables = (table, *(corrected(assumed, table, [change])[1] for change in tried))
-    n = len(table)
-    many = table.select(np.tile(np.arange(n), len(tables)))
-    values = np.concatenate([stacked(one) for one in tables])
-    found = parity(assumed, with_readings(many, values))
-    residuals = found.values[np.argsort(found.pose // n, kind="stable")].reshape(len(tables), -1).T
-    prior = [
-        -scaled_readings(change, assumed.robot, table) * np.log(change.number("factor"))
-        if change.number("factor") > 1.0
-        else 0.0
-        for change in tried
-    ]
-    lengths = np.array([_length(assumed, one) for one in tables])
-    return _Attempts(tables, residuals, lengths, np.array([0.0, *prior]))
-
-
-def _length(assumed: Assumed, table: PoseTable) -> float:
-    """Return how far the length of the IMU's reading is from gravity, in deviations."""
-    length = np.linalg.norm(table.imu, axis=1)
-    length = length[np.isfinite(length)]
-    if not length.size:
-        return 0.0
-    return (float(np.median(length)) / assumed.robot.gravity - 1.0) / G_ERROR
-
-
-def _at_a_glance(attempts: _Attempts, at: Ordinary) -> Array:
-    """Return a score of every attempt, row by row, shape (1 + number,)."""
-    rows = (attempts.residuals / at.calm[:, None]) ** 2
-    rows = np.vstack([rows, attempts.lengths**2])
-    rows = rows[np.isfinite(rows[:, 0])]
-    score = -0.5 * (TAIL + 1.0) * np.log1p(rows / TAIL).sum(axis=0)
-    return np.where(np.isfinite(score), score, -np.inf)
-
-
-def _scores(attempts: _Attempts, at: Ordinary) -> tuple[Array, Array]:
-    """Return the log likelihood of every attempt, and what ordinary faults leave of it."""
-    used = np.isfinite(attempts.residuals[:, 0])
-    chi2 = at.distances(attempts.residuals) + attempts.lengths**2
-    chi2[~np.isfinite(attempts.residuals[used]).all(axis=0)] = np.inf
-    return -0.5 * chi2 + attempts.prior, np.maximum(chi2 - float(used.sum()), 0.0)
-
-
-def _same_poses(a: PoseTable, b: PoseTable) -> bool:
-    return np.array_equal(a.q, b.q) and a.imu is b.imu
+    return _Best(tried[best - 1], odds, rivals, left, about)

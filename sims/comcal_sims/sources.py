@@ -9,7 +9,7 @@ from types import TracebackType
 import numpy as np
 
 from comcal.errors import ConfigError, MissingExtraError, UsageError
-from comcal.measure.plan import NONE, PlannedPose
+from comcal.measure.plan import PlannedPose
 from comcal.measure.source import Block, SimulatedSource, SourceRequest
 from comcal.robot.model import Robot
 from comcal_sims.adapter import EXACT, SensorAdapter, sensor_errors_from
@@ -172,17 +172,13 @@ def _sampled(request: SourceRequest, world: StagedWorld, source: str) -> Sampled
         return SampledWorld(robot, world, SensorAdapter(robot, errors, request.seed))
     try:
         changes = hidden_changes(request.effects, robot, source)
-        faulty = FaultyWorld(world, robot, changes, _first_standing(request))
+        faulty = FaultyWorld(world, robot, changes, request.plan)
     except UsageError:
         world.close()
         raise
     # Thermometers are there whatever is hidden: whether they matter must not be seen from outside.
     adapter = SensorAdapter(robot, errors, request.seed, changes, climate)
     return SampledWorld(robot, faulty, adapter)
-
-
-def _first_standing(request: SourceRequest) -> PlannedPose | None:
-    return next((pose for pose in request.plan if pose.support != NONE), None)
 
 
 def _climate(options: dict[str, object], request: SourceRequest) -> Climate:

@@ -22,7 +22,7 @@ from comcal_sims.faults.feet import FootFaults
 from comcal_sims.faults.loads import loads_of
 from comcal_sims.faults.series import SeriesElements
 from comcal_sims.faults.sliding import slid
-from comcal_sims.faults.stiction import ARRIVAL, Stiction
+from comcal_sims.faults.stiction import Stiction
 from comcal_sims.faults.sway import Sway
 from comcal_sims.footing import base_in_world, standing_feet
 from comcal_sims.world import Spring, StagedWorld, WorldState
@@ -33,8 +33,6 @@ ROUNDS = 12
 """Placements of the engine in search of it."""
 FORECAST_ROUNDS = 60
 """The same in plain statics, from whose end the engine starts."""
-RAMP, REST = 0.1, 0.4
-"""How long joints with stiction take to arrive, and to come to rest [s]."""
 TICK = 1.0 / 120.0
 """Of what is stepped along with the engine [s]."""
 
@@ -68,8 +66,9 @@ class FaultyWorld:
         As designed.
     changes : sequence of Change
         Effects on readings only are left to the sensors.
-    first : PlannedPose or None
-        From where tethers are measured; None: the first pose that is placed on its feet.
+    plan : sequence of PlannedPose, optional
+        In whose first pose on its feet tethers are measured. A recording that goes on in the midst
+        of it has stood in all poses before.
     """
 
     def __init__(
@@ -77,7 +76,7 @@ class FaultyWorld:
         world: StagedWorld,
         robot: Robot,
         changes: Sequence[Change],
-        first: PlannedPose | None = None,
+        plan: Sequence[PlannedPose] = (),
     ) -> None:
         self._world, self._changes = world, tuple(changes)
         self._robot = built_robot(robot, changes)
@@ -86,7 +85,7 @@ class FaultyWorld:
         self._stiction = Stiction(robot, changes)
         self._side = dict[str, int]()
         self._sway = Sway(robot, changes)
-        self._first = first
+        self._plan = tuple(plan)
         self._anchors = dict[str, Array]()
         self._before: PlannedPose | None = None
         self._pose: PlannedPose | None = None
@@ -107,7 +106,9 @@ class FaultyWorld:
         NotBalancedError
             If the robot falls over, or finds no rest.
         """
-        if self._pose is not None and self._pose.pose != pose.pose:
+        if self._pose is None:
+            self._walk_to(pose)
+        elif self._pose.pose != pose.pose:
             self._before = self._pose
         self._pose = pose
         pose = self._on_true_floor(pose)
@@ -115,7 +116,9 @@ class FaultyWorld:
         fixed = encoder_errors(self._robot, self._changes, pose.q, approach)
         given = self._balanced(pose, fixed)
         self._errors = fixed + given.deflection
-        self._arrive(approach)
+        if not self._stiction.is_absent:
+            sides = [approach[name] for name in self._robot.tree.joint_names]
+            self._stiction.arrive(self._world.state().q, np.array(sides, dtype=np.float64))
         if not self._sway.is_absent:
             at, robot = self._target, self._standing(pose, given)
             self._sway.start(at, lambda q: self._closed(pose, robot, q, at))
@@ -135,13 +138,22 @@ class FaultyWorld:
     def state(self) -> WorldState:
         """Return what is true now, and where encoders and motors differ from the joints."""
         state = self._world.state()
-        motors = None if self._stiction.is_absent else state.torques + self._stiction.torque
+        motors = None
+        if not self._stiction.is_absent:
+            motors = state.torques + self._stiction.beside(state.torques)
         at = state.q if state.encoders is None else state.encoders
         return replace(state, encoders=at - self._errors, motor_torques=motors)
 
     def close(self) -> None:
         """Release the engine."""
         self._world.close()
+
+    def _walk_to(self, pose: PlannedPose) -> None:
+        """Remember from which sides joints came in the poses of the plan before this one."""
+        ids = [planned.pose for planned in self._plan]
+        for earlier in self._plan[: ids.index(pose.pose) if pose.pose in ids else 0]:
+            self._arrivals(approach_signs(self._robot, earlier, self._before))
+            self._before = earlier
 
     def _arrivals(self, approach: Mapping[str, int]) -> Mapping[str, int]:
         """Return from which side joints came last: play and stiction of one at rest stay."""
@@ -244,7 +256,7 @@ class FaultyWorld:
 
     def _remember_anchors(self, pose: PlannedPose, robot: Robot) -> None:
         tethered = [c.target for c in self._changes if c.effect == "tether"]
-        first = self._first or pose
+        first = next((p for p in self._plan if p.support != NONE), pose)
         if not tethered or self._anchors or first.support == NONE:
             return
         level = replace(first, floor_roll=0.0, floor_pitch=0.0)
@@ -253,28 +265,7 @@ class FaultyWorld:
         for link in tethered:
             self._anchors[link] = T[:3, :3] @ at.link(link)[1][0] + T[:3, 3]
 
-    def _arrive(self, approach: Mapping[str, int]) -> None:
-        """Let joints with stiction come to their place from the side of their approach."""
-        if self._stiction.is_absent:
-            return
-        goal = self._target
-        names = self._robot.tree.joint_names
-        way = ARRIVAL * self._stiction.sticks * [approach[name] for name in names]
-        if not way.any():
-            self._stiction.start(self._world.state().q)
-            return
-        self._world.command(goal - way)
-        self._world.advance(RAMP + REST)
-        self._stiction.start(self._world.state().q)
-        steps = round(RAMP / TICK)
-        for i in range(1, steps + 1):
-            self._world.command(goal - way * (1.0 - i / steps))
-            self._tick(TICK)
-        for _ in range(round(REST / TICK)):
-            self._tick(TICK)
-
     def _tick(self, duration: float) -> None:
         self._world.advance(duration)
         if not self._stiction.is_absent:
-            state = self._world.state()
-            self._stiction.step(state.q, state.torques)
+            self._stiction.step(self._world.state().q)

@@ -11,17 +11,17 @@ from comcal.robot.changes import Change, joints_of
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
 
-ARRIVAL = 5e-4
-"""Way on which a joint with stiction arrives at its pose in the simulation [rad]."""
-BREAK_AWAY = 5e-5
+BREAK_AWAY = 2e-4
 """Way on which stiction builds up from nothing to all [rad]."""
 
 
 class Stiction:
     """Dahl's law in its simplest form: a brush that bends, and slips once it is bent enough.
 
-    The torque F of the brush against the motor grows with the way of the joint, at most to
-    coulomb + load_factor |tau|; at rest it stays what it was. The motor exerts tau + F.
+    The brush bends with the way of the joint, at most to one; at rest it stays as it was. It is the
+    stiffer the harder its faces are pressed together: against the motor it exerts its bend times
+    coulomb + load_factor |tau|, also while the torque changes and the joint does not move. The
+    motor exerts the joint torque tau and that.
 
     Parameters
     ----------
@@ -38,35 +38,44 @@ class Stiction:
                     self.coulomb[names.index(joint)] += change.number("coulomb")
                     self.load_factor[names.index(joint)] += change.number("load_factor")
         self._q = np.zeros(len(names))
-        self._torque = np.zeros(len(names))
+        self._bend = np.zeros(len(names))
 
     @property
     def is_absent(self) -> bool:
         """Whether all motors run freely."""
         return not (self.coulomb.any() or self.load_factor.any())
 
-    @property
-    def torque(self) -> Array:
-        """What the motors have to exert beside the joint torque, shape (n_joints,) [N m]."""
-        return self._torque
+    def arrive(self, q: Array, side: Array) -> None:
+        """Let the joints come to where they are with nothing to carry, before the feet touch.
 
-    @property
-    def sticks(self) -> Array:
-        """One for every joint with stiction, zero for others, shape (n_joints,)."""
-        return ((self.coulomb > 0.0) | (self.load_factor > 0.0)).astype(np.float64)
-
-    def start(self, q: Array) -> None:
-        """Relax all brushes, with the joints at *q*, shape (n_joints,) [rad]."""
-        self._q, self._torque = q, np.zeros_like(q)
-
-    def step(self, q: Array, torques: Array) -> None:
-        """Let the joints move.
+        On two feet they could not: no small motion of a closed chain takes every joint the way that
+        it is wanted to go, and servos that insist would make the soles slide.
 
         Parameters
         ----------
-        q, torques : array, shape (n_joints,)
-            Where they are now [rad], and what is exerted on them [N m].
+        q : array, shape (n_joints,)
+            Where they are [rad].
+        side : array, shape (n_joints,)
+            +1 for joints that came upwards, -1 downwards, 0 for those that never moved.
         """
-        largest = self.coulomb + self.load_factor * np.abs(torques)
-        bent = self._torque + largest * (q - self._q) / BREAK_AWAY
-        self._q, self._torque = q, np.clip(bent, -largest, largest)
+        self._q, self._bend = q, side
+
+    def step(self, q: Array) -> None:
+        """Let the joints move to *q*, shape (n_joints,) [rad]."""
+        self._bend = np.clip(self._bend + (q - self._q) / BREAK_AWAY, -1.0, 1.0)
+        self._q = q
+
+    def beside(self, torques: Array) -> Array:
+        """Return what the motors have to exert beside the joint torques.
+
+        Parameters
+        ----------
+        torques : array, shape (n_joints,)
+            Exerted on the joints [N m].
+
+        Returns
+        -------
+        array, shape (n_joints,)
+            [N m]
+        """
+        return self._bend * (self.coulomb + self.load_factor * np.abs(torques))

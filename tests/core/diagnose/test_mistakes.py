@@ -33,7 +33,7 @@ def measured(
 ) -> PoseTable:
     """Measure poses of one healthy robot, with noise, and with faults on top."""
     changes = (*draw_healthy(robot, np.random.default_rng(seed)), *map(parse_change, faults))
-    world = FaultyWorld(BuiltinWorld(robot), robot, changes, plan[0])
+    world = FaultyWorld(BuiltinWorld(robot), robot, changes, plan)
     adapter = SensorAdapter(robot, ERRORS, seed, changes)
     blocks: list[Block] = []
     for pose in plan:
@@ -127,6 +127,9 @@ def test_an_ordinary_fault_is_not_taken_for_a_mistake(
         "channel_swap@l_foot:channels=fy+tz",
         "frame_handedness@r_foot:axis=y",
         "unit_error@r_foot:channels=fx+fy+fz,factor=0.10197162129779283",
+        "unit_error@l_foot:channels=fx+fy+fz+tx+ty+tz,factor=0.2248089430997105",
+        "unit_error@l_foot:channels=fx+fy+fz+tx+ty+tz,factor=1000.0",
+        "unit_error@r_foot:channels=tx+ty+tz,factor=8.850745791327185",
         "unit_error@l_shoulder:channels=q,factor=57.29577951308232",
         "sign_flip@r_hip_pitch:channels=i",
         "left_right_swap@l_shoulder:channels=q,other=r_shoulder",
@@ -146,11 +149,19 @@ def test_a_mistake_is_named_exactly_and_undone(
         np.testing.assert_allclose(found[0].table.wrench[sensor], wrench, atol=1e-9)
 
 
-def test_two_mistakes_at_once_are_both_undone(robot: Robot, healthy: PoseTable) -> None:
-    hidden = (
-        "unit_error@l_knee:channels=q,factor=57.29577951308232",
-        "sign_flip@r_foot:channels=fz",
-    )
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        ("unit_error@l_knee:channels=q,factor=57.29577951308232", "sign_flip@r_foot:channels=fz"),
+        (  # a sensor in lbf and lbf in
+            "unit_error@l_foot:channels=fx+fy+fz,factor=0.2248089430997105",
+            "unit_error@l_foot:channels=tx+ty+tz,factor=8.850745791327185",
+        ),
+    ],
+)
+def test_two_mistakes_at_once_are_both_undone(
+    robot: Robot, healthy: PoseTable, hidden: tuple[str, str]
+) -> None:
     found = screen_mistakes(Assumed(robot), mistaken(robot, healthy, *hidden))
     assert sorted(names(found)) == sorted(hidden)
 

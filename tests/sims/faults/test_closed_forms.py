@@ -15,9 +15,11 @@ import pytest
 
 from comcal.errors import UsageError
 from comcal.measure.source import Block, SourceRequest
+from comcal.robot.changes_text import parse_change
 from comcal.robot.frames import rotation_about
 from comcal.robot.kinematics import place_links
 from comcal_sims import sources
+from comcal_sims.faults.stiction import BREAK_AWAY, Stiction
 
 Measure = Callable[..., list[Block]]
 G = 9.81
@@ -153,10 +155,15 @@ def test_stiction_shifts_currents_by_its_size_with_the_approach(
     measure: Measure, biped14: Any
 ) -> None:
     robot = biped14.robot
-    before = measure(poses=[19, 20])[-1]
-    after = measure("joint_friction@all:coulomb=3,load_factor=0.1", poses=[19, 20])[-1]
-    poses = {p.pose: p for p in biped14.plan}
-    side = np.sign(poses[20].q - poses[19].q)
+    before, after = (
+        measure(*effects, poses=[20])[-1]
+        for effects in ((), ("joint_friction@all:coulomb=3,load_factor=0.1",))
+    )
+    way = np.array([p.q for p in biped14.plan if p.pose <= 20])
+    side = np.sign(way[0])
+    for step in np.sign(np.diff(way, axis=0)):
+        side = np.where(step == 0.0, side, step)  # what rests keeps its last side
+    assert np.any(way[-1] == way[-2])
     motors = [robot.motors[name] for name in robot.tree.joint_names]
     K = np.array([m.torque_constant * m.gear * m.sign for m in motors])
     torque = before.currents[-1] * K
@@ -165,6 +172,17 @@ def test_stiction_shifts_currents_by_its_size_with_the_approach(
     )
     for sensor in robot.sensors:
         np.testing.assert_allclose(after.wrenches[sensor], before.wrenches[sensor], atol=1e-9)
+
+
+def test_stiction_turns_round_on_the_way_back(robot: Any) -> None:
+    """Arrived upwards, half undone, gone; a joint that turns back is held the other way."""
+    change = parse_change("joint_friction@l_knee:coulomb=3,load_factor=0.1")
+    brush, knee = Stiction(robot, [change]), joint(robot, "l_knee")
+    one = np.eye(len(robot.tree.joint_names))[knee]
+    brush.arrive(np.zeros_like(one), one)
+    for way, part in ((0.0, 1.0), (-0.5, 0.5), (-1.0, 0.0), (-5.0, -1.0), (-4.5, -0.5), (9.0, 1.0)):
+        brush.step(way * BREAK_AWAY * one)
+        np.testing.assert_allclose(brush.beside(-20.0 * one), 5.0 * part * one, atol=1e-12)
 
 
 def test_a_turned_sensor_keeps_norms_and_turns_by_the_rotation_vector(measure: Measure) -> None:

@@ -6,6 +6,7 @@ On one foot, or hanging, everything is determined; on two feet only the sums of 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -91,6 +92,33 @@ def test_springs_close_the_chain_of_both_legs(biped14: Any, engine: str) -> None
     limit = 5e-4 if engine == "mujoco" else 1e-5
     assert normals[0] > 10 * limit
     assert normals[1] < limit
+
+
+@pytest.mark.parametrize("engine", ["builtin", "pybullet", "mujoco"])
+def test_friction_is_that_of_the_torque_at_rest_on_any_feet(biped14: Any, engine: str) -> None:
+    """From whatever sides the joints came, also such that no closed chain could move that way."""
+    if engine != "builtin":
+        pytest.importorskip(engine)
+    robot, rng = biped14.robot, np.random.default_rng(4)
+    names = robot.tree.joint_names
+    chosen = [p for p in biped14.plan if p.pose in (2, 3, 4, 20, 21, 34, 39)]
+    sides = rng.choice([-1, 1], (len(chosen), len(names)))
+    plan = [
+        replace(p, approach=dict(zip(names, side, strict=True)))
+        for p, side in zip(chosen, sides.tolist(), strict=True)
+    ]
+    motors = [robot.motors[name] for name in names]
+    constants = [m.torque_constant * m.gear * m.sign for m in motors]
+    torques = []
+    for effect in ((), ("joint_friction@all:coulomb=2,load_factor=0.1",)):
+        request = SourceRequest(robot, seed=1, noise=False, effects=effect, plan=tuple(plan))
+        with getattr(sources, f"open_{engine}")(request) as source:
+            for pose in plan:
+                source.move_to(pose)
+                torques.append(source.read(0.1).currents[-1] * constants)
+    free, stuck = np.reshape(torques, (2, len(plan), len(names)))
+    limit = 0.02 if engine == "mujoco" else 1e-6  # its joints still creep a little
+    np.testing.assert_allclose(stuck - free, (2.0 + 0.1 * np.abs(free)) * sides, atol=limit)
 
 
 @pytest.mark.parametrize("engine", ["pybullet", "mujoco"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readings with every mistake of wiring undone, one at a time, and how near each comes to the model.
+"""Readings with every mistake of wiring undone, one at a time: how near each is to the model.
 
 All of them are evaluated in one go. What the best one is weighed against is what ordinary faults do
 about the readings expected in its poses, which wiring of encoders and IMU changes, else nothing.

@@ -16,7 +16,6 @@ from scipy.linalg import cho_factor, cho_solve
 
 from comcal.diagnose.candidates import Candidate
 from comcal.diagnose.catalogue import Catalogue, catalogue
-from comcal.diagnose.evidence import explained
 from comcal.diagnose.scene import Scene
 from comcal.effects.registry import effects
 from comcal.predict.parity import placed
@@ -99,17 +98,23 @@ def contacts(about: Scene, causes: Sequence[int]) -> list[Contact]:
     r = about.r - T @ cho_solve(M, T.T @ about.r)
     found: list[Contact] = []
     of_pose = about.by.pose
+    at_links = np.arange(6 * len(links)).reshape(-1, 6)
     for pose in range(len(about.at.table)):
         rows = of_pose == pose
         x, t = L[rows], T[rows]
         tx = t.T @ x
         K = x.T @ x - tx.T @ cho_solve(M, tx)
-        b = x.T @ r[rows]
-        for n, link in enumerate(links):
-            part = slice(6 * n, 6 * n + 6)
-            odds = explained(K[part, part], b[part], FAULT).log_odds
-            found.append(Contact(link, pose, odds))
+        odds = log_odds_of(K[at_links[:, :, None], at_links[:, None]], (x.T @ r[rows])[at_links])
+        found += [Contact(k, pose, float(o)) for k, o in zip(links, odds, strict=True)]
     return sorted(found, key=lambda contact: -contact.log_odds)
+
+
+def log_odds_of(K: Array, b: Array) -> Array:
+    """Return the log odds of wrenches, shape (n,), from inner products (n, 6, 6) and (n, 6)."""
+    M = FAULT[:, None] * K * FAULT + np.eye(6)
+    scaled = FAULT * b
+    fit = np.linalg.solve(M, scaled[..., None])[..., 0]
+    return np.asarray(0.5 * (np.sum(scaled * fit, axis=1) - np.linalg.slogdet(M)[1]), np.float64)
 
 
 def with_contact(about: Scene, contact: Contact) -> Scene:

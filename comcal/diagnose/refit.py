@@ -21,7 +21,7 @@ from comcal.robot.tree import Array
 
 ROUNDS = 4
 """Steps of the refit: each is far smaller than the one before."""
-LARGE = 400.0
+LARGE = 1000.0
 """Norm of causes, in sigmas of noise, from which everything else is linearised about them anew."""
 FAR = 2.0
 """Way of a coordinate from which its columns are found anew, in standard deviations."""

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from comcal.diagnose.evidence import all_log_odds
+from comcal.diagnose.metric import metric
 from comcal.diagnose.scene import Scene
 
 GRID = (0.25, 0.5, 1.0, 2.0, 4.0)
@@ -79,7 +79,7 @@ def penalty(scales: Mapping[str, float]) -> float:
 
 
 def _score(about: Scene, scales: Mapping[str, float], causes: Sequence[int]) -> float:
-    against = replace(about, scales=scales).against(causes)
+    against = metric(about.products, about.of.spread(scales, causes))
     odds = all_log_odds(about.of, against)
     odds[list(causes)] = -np.inf
     best = float(odds.max(initial=-np.inf)) - float(np.log(max(len(odds), 1)))
@@ -88,11 +88,12 @@ def _score(about: Scene, scales: Mapping[str, float], causes: Sequence[int]) -> 
 
 def _suspects(about: Scene, scales: Mapping[str, float], causes: Sequence[int]) -> list[str]:
     """Return families whose members are together larger or smaller than stated, worst first."""
-    against = replace(about, scales=scales).against(causes)
+    against = metric(about.products, about.of.spread(scales, causes))
     odds = all_log_odds(about.of, against)
     odds[list(causes)] = -np.inf
     if odds.max(initial=-np.inf) > 0.0:
-        against = replace(about, scales=scales).against((*causes, int(np.argmax(odds))))
+        named = (*causes, int(np.argmax(odds)))
+        against = metric(about.products, about.of.spread(scales, named))
     sd = about.of.spread(scales)
     found: dict[str, float] = {}
     names = np.array(about.of.family)

@@ -10,35 +10,32 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from comcal.cli.main import main
 from comcal.diagnose.gates.gated import Gated
 from comcal.diagnose.gates.run import gates
+from comcal.measure.csv_file import format_cell
+from comcal.measure.plan import PlannedPose
+from comcal.measure.pose_row import approaches, pose_row
 from comcal.measure.poses_csv import read_poses
+from comcal.measure.source import SourceRequest
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
 from comcal.predict.parity import parity
 from comcal.robot.changes_table import CHANNELS
-from comcal.robot.description import load_robot
 from comcal.robot.model import Robot
-from comcal_sims.robots import biped14
+from comcal.workflow.sources import open_source
 
 SAMPLE_FORCE, SAMPLE_MOMENT = 0.5, 0.05
 """White noise of one sample of the simulated sensors [N], [N m]."""
-HEALTHY = [("builtin", seed) for seed in range(24)]
-HEALTHY += [(engine, seed) for engine in ("pybullet", "mujoco") for seed in range(3)]
-
-
-@pytest.fixture(scope="module")
-def robot_yaml(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return biped14.generate(tmp_path_factory.mktemp("robot"))
+SETTLE, WINDOW = 0.8, 0.21
+"""As in a recording [s]."""
+HEALTHY = [("builtin", seed) for seed in range(10)] + [("pybullet", 0), ("mujoco", 0)]
 
 
 class Recorder:
-    """Records the 14-joint robot in a world."""
+    """Records the 14-joint robot in a world, one window for each pose of its plan."""
 
-    def __init__(self, robot_yaml: Path, folder: Path) -> None:
-        self.robot_yaml, self.folder = robot_yaml, folder
-        self.count = 0
+    def __init__(self, robot: Robot, plan: Sequence[PlannedPose], folder: Path) -> None:
+        self.robot, self.plan, self.file = robot, plan, folder / "poses.csv"
 
     def __call__(
         self,
@@ -47,31 +44,33 @@ class Recorder:
         seed: int = 1,
         every: int = 1,
         most: int = 32,
-        options: Sequence[str] = (),
+        noise: bool = True,
     ) -> tuple[Robot, PoseTable]:
-        self.count += 1
-        header, *rows = self.robot_yaml.with_name("plan.csv").read_text("utf-8").splitlines()
-        plan = self.folder / f"plan{self.count}.csv"
-        plan.write_text("\n".join([header, *rows[:most:every]]) + "\n", "utf-8")
-        session = self.folder / f"session{self.count}"
-        words = ["record", str(self.robot_yaml), "-s", str(session), "--source", source]
-        words += ["--poses", str(plan), "--seed", str(seed), *options]
-        for effect in effects:
-            words += ["--effect", effect]
-        assert main(words) == 0
-        robot = load_robot(session / "robot.yaml")
-        return robot, read_poses(session / "poses.csv", robot)
-
-
-@pytest.fixture
-def recorded(robot_yaml: Path, tmp_path: Path) -> Recorder:
-    return Recorder(robot_yaml, tmp_path)
+        robot, plan = self.robot, tuple(self.plan[:most:every])
+        names = robot.tree.joint_names
+        request = SourceRequest(robot, seed=seed, effects=effects, noise=noise, plan=plan)
+        rows = []
+        with open_source(source, request) as opened:
+            for pose, before in zip(plan, (None, *plan[:-1]), strict=True):
+                opened.move_to(pose)
+                if source != "builtin":  # in plain statics nothing has to settle
+                    opened.read(SETTLE)
+                side = approaches(pose, before, names)
+                rows.append(pose_row(pose, opened.read(WINDOW), robot, side, with_floor=False))
+        lines = [",".join(rows[0]), *(",".join(map(format_cell, r.values())) for r in rows)]
+        self.file.write_text("\n".join(lines) + "\n", "utf-8")
+        return robot, read_poses(self.file, robot)
 
 
 @pytest.fixture(scope="module")
-def healthy(robot_yaml: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, PoseTable]:
+def recorded(biped14, tmp_path_factory: pytest.TempPathFactory) -> Recorder:
+    return Recorder(biped14.robot, biped14.plan, tmp_path_factory.mktemp("recorded"))
+
+
+@pytest.fixture(scope="module")
+def healthy(recorded: Recorder) -> tuple[Robot, PoseTable]:
     """One healthy recording for all tests that spoil it themselves, or compare with it."""
-    return Recorder(robot_yaml, tmp_path_factory.mktemp("healthy"))()
+    return recorded()
 
 
 def passed(robot: Robot, table: PoseTable) -> Gated:
@@ -94,7 +93,7 @@ def test_nothing_is_found_on_a_healthy_robot(recorded: Recorder, source: str, se
 @pytest.mark.parametrize("source", ["builtin", "pybullet", "mujoco"])
 def test_a_simulation_without_noise_is_not_suspected(recorded: Recorder, source: str) -> None:
     pytest.importorskip(source if source != "builtin" else "numpy")
-    robot, table = recorded(source=source, every=4, most=40, options=["--no-noise"])
+    robot, table = recorded(source=source, every=6, most=40, noise=False)
     for read in (table, without_motion(table)):
         assert passed(robot, read).findings == ()
 
@@ -241,7 +240,7 @@ def test_all_channels_of_a_converter_share_their_step(recorded: Recorder) -> Non
 
 def test_a_robot_that_sways_is_noticed_and_made_less_certain(recorded: Recorder) -> None:
     pytest.importorskip("mujoco")
-    robot, table = recorded("not_settled:time=3", source="mujoco", every=2, most=24)
+    robot, table = recorded("not_settled:time=2", source="mujoco", every=3, most=30)
     gated = passed(robot, table)
     assert {f.effect for f in gated.findings} == {"not_settled"}
     assert gated.findings[-1].poses == ()

@@ -53,6 +53,8 @@ class Rival:
         means that no reading tells them apart, 1 that they have nothing in common.
     left_sigmas : float
         The same in sigmas: below 3 it is the simpler cause that is preferred, not the likelier.
+    fits_better : bool
+        Whether it holds the cause named as a special case and fits better than chance would let it.
     """
 
     effect: str
@@ -60,6 +62,7 @@ class Rival:
     log_odds: float
     left: float
     left_sigmas: float = float("inf")
+    fits_better: bool = False
 
     @property
     def name(self) -> str:
@@ -76,7 +79,7 @@ class Gain:
     fraction : float
         Share of the whitened squared residuals of held-out poses that the cause removes.
     interval : tuple of float
-        95 %, over poses.
+        95 %: the gain at these poses, were they measured again.
     """
 
     fraction: float

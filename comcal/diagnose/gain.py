@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import stdtrit
+from scipy.special import ndtri, stdtrit
 
 from comcal.diagnose.diagnosis import Gain, HeldOut
 from comcal.diagnose.evidence import whole
@@ -20,6 +20,7 @@ from comcal.robot.tree import Array
 FOLDS = 5
 LEAST_POSES = 6
 CONFIDENCE = 0.95
+Z = float(ndtri(0.5 + CONFIDENCE / 2))
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,10 @@ def gains(named: Named) -> Gains | None:
     errors = [_by_pose(scene, left) for left in raw_left]
     rows = np.array([len(r) for r in scene.by.rows])
     return Gains(
-        tuple(_gain(errors[1 + k], errors[0]) for k in range(len(causes))),
+        tuple(
+            _gain(errors[1 + k], errors[0], _by_pose(scene, raw_left[1 + k] - raw_left[0]))
+            for k in range(len(causes))
+        ),
         float(errors[-1].sum() / rows.sum()),
         float(errors[0].sum() / rows.sum()),
         _quantities(scene, raw_left[-1], raw_left[0]),
@@ -120,11 +124,22 @@ def _by_pose(scene: Scene, left: Array) -> Array:
     return np.array(found)
 
 
-def _gain(before: Array, after: Array) -> Gain:
-    """Return the share removed, and its interval over poses."""
-    mean, low, high = _interval(before - after)
-    scale = float(before.mean()) or 1.0
-    return Gain(mean / scale, (low / scale, high / scale))
+def _gain(before: Array, after: Array, shift: Array) -> Gain:
+    """Return the share removed, and its interval.
+
+    At these poses the gain is d^T C^-1 (2 r - d), d what the cause changes and r what is left
+    without it: noise in r makes its standard deviation 2 |d|. Its scatter over poses would only
+    say that some poses show the cause and others do not.
+
+    Parameters
+    ----------
+    before, after, shift : array, shape (N,)
+        Squared norms of r, r - d and d, pose by pose.
+    """
+    scale = float(before.sum()) or 1.0
+    gained = float((before - after).sum())
+    half = Z * 2.0 * float(np.sqrt(shift.sum()))
+    return Gain(gained / scale, ((gained - half) / scale, (gained + half) / scale))
 
 
 def _interval(values: Array) -> tuple[float, float, float]:

@@ -6,10 +6,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import chdtrc
 
 from comcal.diagnose.contacts import contacts
 from comcal.diagnose.diagnosis import Rival
-from comcal.diagnose.evidence import all_log_odds
+from comcal.diagnose.evidence import all_log_odds, explain
 from comcal.diagnose.metric import Metric
 from comcal.diagnose.naming import Named
 from comcal.diagnose.scene import Scene
@@ -21,6 +22,8 @@ UNSEEN = 3.0
 """What a rival leaves, in sigmas, that noise may hide: then only simplicity speaks against it."""
 WIDE = 3.0
 """Faults up to which the parameters of a rival may go."""
+BY_CHANCE = 0.05
+"""Probability of a gain, below which the more general cause is listed beside the special one."""
 SHOWN = 5
 GENERAL = {
     "payload": {"link_mass", "link_com"},
@@ -68,11 +71,17 @@ def rivals_of(named: Named, i: int) -> tuple[tuple[Rival, ...], float]:
             continue
         candidate = scene.of.candidates[c]
         left = left_by(scene, against, x, i, c)
-        close = own - odds[c] < UNDECIDED or left * size < UNSEEN
+        better = candidate.target == mine.target and _fits_better(scene, against, i, c)
+        close = own - odds[c] < UNDECIDED or left * size < UNSEEN or better
         if len(found) >= SHOWN and not close:
             continue
         rival = Rival(
-            candidate.effect.name, candidate.target, own - float(odds[c]), left, left * size
+            candidate.effect.name,
+            candidate.target,
+            own - float(odds[c]),
+            left,
+            left * size,
+            better,
         )
         found.append(rival)
     poses = mine.poses
@@ -114,6 +123,23 @@ def left_by(scene: Scene, against: Metric, x: Array, i: int, rival: int) -> floa
     return float(np.sqrt(max(total - taken, 0.0) / total))
 
 
+def _fits_better(scene: Scene, against: Metric, i: int, rival: int) -> bool:
+    """Whether a cause that holds *i* as a special case lowers chi2 by more than chance would."""
+    of = scene.of
+    mine, other = of.candidates[i].effect.name, of.candidates[rival].effect.name
+    more = len(of.candidates[rival].keys) - len(of.candidates[i].keys)
+    if not _is_general(other, mine) or more <= 0:
+        return False
+    gain = _explained_chi2(scene, against, rival) - _explained_chi2(scene, against, i)
+    return float(chdtrc(more, max(gain, 0.0))) < BY_CHANCE
+
+
+def _explained_chi2(scene: Scene, against: Metric, i: int) -> float:
+    x = explain(scene.of, i, against).coordinates
+    part = scene.of.slices[i]
+    return float(2.0 * against.b[part] @ x - x @ against.K[part, part] @ x)
+
+
 def _is_general(other: str, effect: str) -> bool:
     """Whether an effect holds another one as a special case, perhaps from a link nearby."""
     return effect in GENERAL.get(other, set())
@@ -133,6 +159,7 @@ def undecided(effect: str, rivals: Sequence[Rival]) -> tuple[Rival, ...]:
         rival
         for rival in rivals
         if rival.log_odds < UNDECIDED
+        or rival.fits_better
         or (rival.left_sigmas < UNSEEN and not _is_general(rival.effect, effect))
     ]
     best = {rival.effect: rival for rival in reversed(close)}

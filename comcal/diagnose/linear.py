@@ -14,14 +14,15 @@ from functools import cached_property
 import numpy as np
 
 from comcal.diagnose.link_loads import LinkLoads, link_loads
-from comcal.diagnose.readings import reading_slopes, stacked
+from comcal.diagnose.readings import by_copy, reading_slopes, stacked
 from comcal.effects.effect import State
 from comcal.measure.table import PoseTable
 from comcal.predict.anchors import link_places
 from comcal.predict.assumed import Assumed, Load
 from comcal.predict.parity import Parity, parity
+from comcal.robot.kinematics import place_links
 from comcal.robot.model import Robot
-from comcal.robot.tree import Array, Joint, Link
+from comcal.robot.tree import Array
 
 READINGS = {"q", "current", "torque", "imu", "wrench"}
 LENGTH_STEP, ANGLE_STEP = 1e-6, 1e-6
@@ -68,6 +69,32 @@ class Linear:
     def links(self) -> LinkLoads:
         """With respect to masses of, and wrenches on, all links."""
         return link_loads(self.assumed, self.table, self.at)
+
+    @cached_property
+    def _by_origin(self) -> Array:
+        """With respect to the origin of each joint in its parent link, (n_joints, n, 3).
+
+        All that lies beyond a joint moves with its origin and turns with nothing: poses in which
+        one joint has moved along one axis stand one after the other in one table.
+        """
+        tree, n, joints = (
+            self.assumed.robot.tree,
+            len(self.table),
+            len(self.assumed.robot.tree.joints),
+        )
+        R = place_links(tree, self.table.q).R
+        away = np.zeros((joints, 3, n, len(tree.links), 3))
+        for k, joint in enumerate(tree.joints):
+            axes = np.moveaxis(R[:, tree.link_index[joint.parent]], 2, 0)
+            away[k][:, :, tree.subtree(joint.name)] = LENGTH_STEP * axes[:, :, None]
+        copies = 3 * joints
+        ahead = parity(
+            self.assumed,
+            self.table.select(np.tile(np.arange(n), copies)),
+            away.reshape(copies * n, len(tree.links), 3),
+        )
+        moved = by_copy(ahead, n, copies) - self.at.values
+        return np.nan_to_num(moved / LENGTH_STEP).reshape(joints, 3, -1).swapaxes(1, 2)
 
     def sloped(self, axis: int) -> Array:
         """Return how residuals move per radian of the floor's roll or pitch, shape (n,)."""
@@ -136,8 +163,7 @@ class Linear:
             if _differs(a, b) != {"T_parent_joint"} or turn.any():
                 return None
             shift = b.T_parent_joint[:3, 3] - a.T_parent_joint[:3, 3]
-            for i in np.flatnonzero(shift):
-                found += self._elementary("joint", 3 * k + int(i)) * shift[i]
+            found += self._by_origin[k] @ shift
         return found
 
     def _of_loads(self, loads: tuple[Load, ...]) -> Array | None:
@@ -172,20 +198,6 @@ def _differs(a: object, b: object) -> set[str]:
     return {f.name for f in fields(a) if getattr(a, f.name) is not getattr(b, f.name)}  # type: ignore[arg-type]
 
 
-def _with_tree(assumed: Assumed, **parts: tuple[Link, ...] | tuple[Joint, ...]) -> Assumed:
-    robot = assumed.robot
-    return replace(assumed, robot=replace(robot, tree=replace(robot.tree, **parts)))  # type: ignore[arg-type]
-
-
-def _longer(assumed: Assumed, k: int, step: float) -> Assumed:
-    number, i = divmod(k, 3)
-    joints = list(assumed.robot.tree.joints)
-    T = joints[number].T_parent_joint.copy()
-    T[i, 3] += step
-    joints[number] = replace(joints[number], T_parent_joint=T)
-    return _with_tree(assumed, joints=tuple(joints))
-
-
 def _sloped(assumed: Assumed, k: int, step: float) -> Assumed:
     return replace(assumed, floor=assumed.floor + step * np.eye(2)[k])
 
@@ -195,7 +207,6 @@ def _turned(assumed: Assumed, k: int, step: float) -> Assumed:
 
 
 _MOVES: dict[str, tuple[float, Callable[[Assumed, int, float], Assumed]]] = {
-    "joint": (LENGTH_STEP, _longer),
     "floor": (ANGLE_STEP, _sloped),
     "imu_tilt": (ANGLE_STEP, _turned),
 }

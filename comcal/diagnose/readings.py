@@ -115,8 +115,19 @@ def reading_slopes(assumed: Assumed, table: PoseTable, at: Parity) -> Array:
         table.select(np.tile(np.arange(n), len(present))), copies.reshape(-1, size)
     )
     moved = parity(assumed, many)
-    by_copy = np.argsort(moved.pose // n, kind="stable")
-    ahead = moved.values[by_copy].reshape(len(present), -1)
+    ahead = by_copy(moved, n, len(present))
     slopes = np.zeros((len(at.values), size))
     slopes[:, present] = np.nan_to_num((ahead - at.values).T / steps[present])
     return slopes
+
+
+def by_copy(of: Parity, n: int, copies: int) -> Array:
+    """Return the residuals of *copies* tables of *n* poses that stood one after the other.
+
+    Returns
+    -------
+    array, shape (copies, n_residuals)
+        Each in the order of one table by itself.
+    """
+    order = np.argsort(of.pose // n, kind="stable")
+    return of.values[order].reshape(copies, -1)

@@ -8,6 +8,7 @@ import numpy as np
 from comcal.measure.plan import NONE
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
+from comcal.predict.remembered import remembered
 from comcal.predict.standing import standing_at
 from comcal.robot.frames import apply
 from comcal.robot.kinematics import place_links
@@ -33,7 +34,13 @@ def first_place(assumed: Assumed, table: PoseTable, link: int) -> Array:
 
     Zero where no pose stands.
     """
+    return _first_places(assumed, table)[link]
+
+
+@remembered
+def _first_places(assumed: Assumed, table: PoseTable) -> Array:
+    """Return the origins of all links in P in the first pose that stands, (n_links, 3) [m]."""
     first = next((i for i, support in enumerate(table.support) if support != NONE), None)
     if first is None:
-        return np.zeros(3)
-    return np.asarray(link_places(assumed, table.select([first]))[0, link], np.float64)
+        return np.zeros((len(assumed.robot.tree.links), 3))
+    return link_places(assumed, table.select([first]))[0]

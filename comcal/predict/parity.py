@@ -78,13 +78,15 @@ class Parity:
     row: tuple[Row, ...]
 
 
-def parity(assumed: Assumed, table: PoseTable) -> Parity:
+def parity(assumed: Assumed, table: PoseTable, displaced: Array | None = None) -> Parity:
     """Return the parity residuals of all poses of *table*.
 
     Parameters
     ----------
     assumed : Assumed
     table : PoseTable
+    displaced : array, shape (N, n_links, 3), optional
+        How far the origins of links lie from where the tree has them, axes of the root [m].
 
     Returns
     -------
@@ -103,7 +105,8 @@ def parity(assumed: Assumed, table: PoseTable) -> Parity:
         index = np.flatnonzero([s == support for s in table.support])
         labels: list[Row] = []
         columns: list[Array] = []
-        for label, column in _residuals(assumed, table.select(index), support):
+        away = None if displaced is None else displaced[index]
+        for label, column in _residuals(assumed, table.select(index), support, away):
             labels += label
             columns.append(column)
         if columns:
@@ -117,11 +120,11 @@ def parity(assumed: Assumed, table: PoseTable) -> Parity:
 
 
 def _residuals(
-    assumed: Assumed, table: PoseTable, support: str
+    assumed: Assumed, table: PoseTable, support: str, displaced: Array | None
 ) -> Iterator[tuple[list[Row], Array]]:
     """Yield blocks of labels and residuals, shape (N, k), of poses in one support."""
     robot = assumed.robot
-    balance, carrier, standing = placed(assumed, table, support)
+    balance, carrier, standing = placed(assumed, table, support, displaced)
     h = robot.tree.masses[:, None] * robot.tree.coms
     if standing is not None:
         labels = [Row("equilibrium", "", a, "N" if a[0] == "F" else "N m") for a in EQUILIBRIUM]
@@ -155,9 +158,11 @@ def _residuals(
 
 
 def placed(
-    assumed: Assumed, table: PoseTable, support: str
+    assumed: Assumed, table: PoseTable, support: str, displaced: Array | None = None
 ) -> tuple[Balance, Carrier, Standing | None]:
     """Place poses of one support, with loads from outside among those of the feet.
+
+    *displaced* as in :func:`parity`.
 
     Returns
     -------
@@ -172,6 +177,8 @@ def placed(
     hangs = support == NONE
     carrier = hanging_carrier(robot) if hangs else carrier_of(robot, support)
     at = place_links(robot.tree, table.q)
+    if displaced is not None:
+        at = replace(at, p=at.p + displaced)
     standing = None if hangs else standing_at(assumed, table, carrier, at)
     up = _up(assumed, table, at, standing)
     return _balance(assumed, table, carrier, at, standing, up), carrier, standing
@@ -229,7 +236,7 @@ def _balance(
         w.append(wrench)
     loads = np.stack(w, axis=1) if w else np.zeros((len(table), 0, 6))
     with_loads = replace(carrier, sensors=tuple(sensors), frames=tuple(frames))
-    return balance_at(assumed.robot, with_loads, table.q, loads, up)
+    return balance_at(assumed.robot, with_loads, table.q, loads, up, placements=at)
 
 
 def _inertial(assumed: Assumed, table: PoseTable, carrier: Carrier) -> Iterator[tuple[int, Array]]:

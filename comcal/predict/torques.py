@@ -9,11 +9,13 @@ from comcal.measure.plan import NONE
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
 from comcal.predict.parity import placed
+from comcal.predict.remembered import remembered
 from comcal.robot.tree import Array
 from comcal.statics.moves import moves_of
 from comcal.statics.torque_rows import joint_torques, readable_joints
 
 
+@remembered
 def held_torques(assumed: Assumed, table: PoseTable) -> Array:
     """Return the torque of parent on child about (along) +axis, shape (N, n_joints) [N m], [N].
 

@@ -103,6 +103,7 @@ def balance_at(
     w: Array,
     up: Array | None = None,
     up_link: int = 0,
+    placements: Placements | None = None,
 ) -> Balance:
     """Bring the loaded wrenches of N poses to the root frame.
 
@@ -114,8 +115,10 @@ def balance_at(
     up : array, shape (N, 3), optional
         Upward vector of hanging poses in the frame of *up_link*.
     up_link : int
+    placements : Placements, optional
+        Of all links at *q*, where they are known already.
     """
-    placements = place_links(robot.tree, q)
+    placements = place_links(robot.tree, q) if placements is None else placements
     X = _to_root(robot, carrier, placements)
     each = np.einsum("nsij,nsj->nsi", X, w)
     return Balance(robot, carrier, q, w, placements, X, each, up, up_link)

@@ -74,6 +74,8 @@ def diagnose_command(
         console = make_console()
         if diagnosed.rerun is not None:
             print_lines(console, [*rerun_lines(diagnosed.rerun), ""])
+        elif engine is not None:
+            print_lines(console, ["nothing to run again: no cause was named", ""])
         print_diagnosis(console, diagnosed.diagnosis)
         for path in diagnosed.files:
             click.echo(f"wrote {path}")

@@ -14,9 +14,8 @@ from comcal.effects.registry import effects
 from comcal.identify.unknowns import rigid_parts
 from comcal.measure.columns import wrench_names
 from comcal.measure.table import PoseTable
-from comcal.robot.changes import ALL, Change
+from comcal.robot.changes import ALL, Change, spec_of
 from comcal.robot.changes_kinds import TargetKind
-from comcal.robot.changes_table import EFFECTS
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
 
@@ -87,7 +86,7 @@ def candidates(robot: Robot, table: PoseTable) -> tuple[Candidate, ...]:
 
 
 def _targets(effect: Effect, robot: Robot, table: PoseTable) -> Iterator[str]:
-    spec = EFFECTS[effect.name]
+    spec = spec_of(effect.name)
     if TargetKind.NONE in spec.targets:
         yield ""
     if TargetKind.SENSOR in spec.targets:

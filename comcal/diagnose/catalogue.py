@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from comcal.diagnose.candidates import Candidate, columns
 from comcal.diagnose.linear import Linear
-from comcal.robot.changes import ALL
-from comcal.robot.changes_table import CHANNELS, EFFECTS
+from comcal.robot.changes import ALL, spec_of
+from comcal.robot.changes_table import CHANNELS
 from comcal.robot.healthy import healthy_spreads
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
@@ -121,7 +121,7 @@ def catalogue(
     positive: list[bool] = []
     required: list[bool] = []
     for candidate in candidates:
-        spec = EFFECTS.get(candidate.effect.name)
+        keys = spec_of(candidate.effect.name).keys
         for key, size in zip(candidate.keys, candidate.fault.tolist(), strict=True):
             of = "" if candidate.target == ALL else candidate.effect.family.get(key, "")
             scale = _mass(robot, candidate.target) if of == "link_mass" else 1.0
@@ -129,7 +129,7 @@ def catalogue(
             family.append(of)
             spread = scale * spreads.get(of, 0.0) if of else 0.0
             healthy.append(float(np.hypot(spread, _of_tare(candidate, key, tares or {}))))
-            known = None if spec is None else spec.keys.get(key)
+            known = keys.get(key)  # a free couple has no key
             bounded = known is not None and known.least == 0.0
             positive.append(bounded and key not in candidate.effect.moments)
             required.append(bounded and known is not None and known.required)

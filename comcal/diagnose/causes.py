@@ -15,7 +15,7 @@ from comcal.diagnose.mistakes import Mistake
 from comcal.diagnose.naming import Named
 from comcal.diagnose.rivals import own_coordinates, rivals_of, size_of, undecided
 from comcal.effects.registry import effects
-from comcal.robot.changes_table import EFFECTS
+from comcal.robot.changes import spec_of
 from comcal.robot.tree import Array
 
 Z = float(ndtri(0.975))
@@ -69,7 +69,7 @@ def estimates_of(candidate: Candidate, x: Array, cov: Array) -> Mapping[str, Est
     cov : array, shape (k, k)
     """
     effect = candidate.effect
-    spec = EFFECTS.get(effect.name)
+    keys = spec_of(effect.name).keys
     change = candidate.change(x)
     found: dict[str, Estimate] = {}
     for key, value in change.parameters.items():
@@ -82,8 +82,7 @@ def estimates_of(candidate: Candidate, x: Array, cov: Array) -> Mapping[str, Est
             k = candidate.keys.index(key)
             ends = x[k] + Z * np.sqrt(cov[k, k]) * np.array([1.0, -1.0])
             interval = (1.0 / ends[0], 1.0 / ends[1] if ends[1] > 0.0 else float("inf"))
-        unit = spec.keys[key].unit if spec is not None and key in spec.keys else ""
-        found[key] = Estimate(value, sigma, interval, unit)
+        found[key] = Estimate(value, sigma, interval, keys[key].unit if key in keys else "")
     return found
 
 

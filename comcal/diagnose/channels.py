@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy.special import chdtrc
 
 from comcal.diagnose.diagnosis import Channel, Trace
+from comcal.diagnose.follows import ENOUGH, companion
 from comcal.diagnose.naming import Named
 from comcal.diagnose.scene import Scene
 from comcal.measure.table import PoseTable
@@ -18,8 +19,6 @@ from comcal.robot.tree import Array
 
 FOLLOWS = 0.8
 """Correlation from which a residual is said to follow something."""
-ENOUGH = 6
-"""Poses from which a correlation means anything."""
 STANDS_OUT = 1.5
 """Sigmas from which it is worth looking for what a residual follows."""
 
@@ -38,6 +37,8 @@ class RowFit:
         Noise and healthy spread together.
     chi2_before, chi2_after : float
         Against the covariance of the row over its poses: k if nothing is wrong.
+    rows_after : int
+        Residuals that still have a value once the causes are taken into account.
     """
 
     row: Row
@@ -47,6 +48,7 @@ class RowFit:
     sigma: Array
     chi2_before: float
     chi2_after: float
+    rows_after: int
 
 
 def residuals_before(scene: Scene, named: Named) -> tuple[Array, Array]:
@@ -54,10 +56,9 @@ def residuals_before(scene: Scene, named: Named) -> tuple[Array, Array]:
     before = np.where(_used(scene), scene.at.at.values, np.nan)
     after = np.full(named.scene.by.n, np.nan)
     left = named.scene.r - named.scene.X @ coordinates_of(named)
-    first = 0
-    for rows, root in zip(named.scene.by.rows, named.scene.by.roots, strict=True):
-        after[rows] = root @ left[first : first + len(rows)]
-        first += len(rows)
+    by = named.scene.by
+    for rows, root, mine in zip(by.rows, by.roots, by.slices, strict=True):
+        after[rows] = root @ left[mine]
     return before, after
 
 
@@ -98,6 +99,7 @@ def row_fits(scene: Scene, named: Named) -> tuple[RowFit, ...]:
                 np.sqrt(np.diag(C)),
                 float(before[index] @ np.linalg.solve(C, before[index])),
                 float(left @ np.linalg.solve(C[np.ix_(kept, kept)], left)),
+                int(np.count_nonzero(kept)),
             )
         )
     return tuple(found)
@@ -119,7 +121,7 @@ def channels_of(scene: Scene, fits: tuple[RowFit, ...]) -> tuple[Channel, ...]:
                 _rms(fit.before),
                 _rms(fit.after),
                 sigmas,
-                float(np.sqrt(fit.chi2_after / k)),
+                float(np.sqrt(fit.chi2_after / max(fit.rows_after, 1))),
                 what_it_follows(table.select(pose), fit, scene) if sigmas > STANDS_OUT else "",
                 table.pose[int(pose[worst])],
             )
@@ -143,12 +145,11 @@ def traces_of(scene: Scene, fits: tuple[RowFit, ...]) -> tuple[Trace, ...]:
     )
 
 
-def chance(fits: tuple[RowFit, ...]) -> float:
-    """Return the probability that the worst row is so far off by chance, after the causes."""
-    if not fits:
-        return 1.0
-    worst = min(float(chdtrc(len(fit.index), fit.chi2_after)) for fit in fits)
-    return min(1.0, worst * len(fits))
+def chance(fits: tuple[RowFit, ...]) -> tuple[float, str]:
+    """Return how likely it is by chance that a row is so far off after the causes, and which."""
+    rows = [(float(chdtrc(max(fit.rows_after, 1), fit.chi2_after)), fit.row.name) for fit in fits]
+    worst, name = min(rows, default=(1.0, ""))
+    return min(1.0, worst * len(rows)), name
 
 
 def what_it_follows(table: PoseTable, fit: RowFit, scene: Scene) -> str:
@@ -166,13 +167,7 @@ def what_it_follows(table: PoseTable, fit: RowFit, scene: Scene) -> str:
         return ""
     if abs(values.mean()) > 2.0 * values.std():
         return "constant"
-    best, what = FOLLOWS, ""
-    for name, other in _companions(table, scene).items():
-        if np.isfinite(other).all() and np.ptp(other) > 0.0:
-            r = abs(float(np.corrcoef(values, other)[0, 1]))
-            if r > best:
-                best, what = r, name
-    return what
+    return companion(values, _companions(table, scene).items(), FOLLOWS)
 
 
 def _companions(table: PoseTable, scene: Scene) -> dict[str, Array]:

@@ -99,7 +99,9 @@ def _diagnosed(
     channels = channels_of(about, fits)
     return Diagnosis(
         verdict=verdict,
-        sentence=sentence(verdict, every, groups, gated.findings, place, channels),
+        sentence=sentence(
+            verdict, every, groups, gated.findings, place, channels, is_all=causes is None
+        ),
         causes=every,
         groups=groups,
         findings=gated.findings,
@@ -164,18 +166,20 @@ def _misfit(about: Scene, named: Named, fits: tuple[RowFit, ...]) -> Misfit:
     x = coordinates_of(named)
     chi2 = after.rr + float(x @ after.K @ x - 2.0 * after.b @ x)
     dof = after.rows - int(np.count_nonzero(x))
-    p = float(chdtrc(max(dof, 1), chi2))
+    p_row, row = chance(fits)
     return Misfit(
         chi2,
         dof,
-        min(1.0, 2.0 * min(p, chance(fits))),
+        float(chdtrc(max(dof, 1), chi2)),
         before.rr,
         float(chdtrc(max(before.rows, 1), before.rr)),
+        p_row=p_row,
+        row=row,
     )
 
 
 def _verdict(is_wrong: bool, is_ambiguous: bool, misfit: Misfit) -> Verdict:
-    if misfit.p < (MISFIT_P if is_wrong else HEALTHY_P):
+    if misfit.chance < (MISFIT_P if is_wrong else HEALTHY_P):
         return Verdict.UNEXPLAINED
     if not is_wrong:
         return Verdict.NOTHING_WRONG
@@ -187,8 +191,10 @@ def _blind(about: Scene) -> tuple[str, ...]:
     sizes = about.of.fault * np.sqrt(np.clip(np.diag(about.against().K), 0.0, None))
     return tuple(
         candidate.name
-        for candidate, part in zip(about.of.candidates, about.of.slices, strict=True)
-        if sizes[part].max() < VISIBLE
+        for candidate, part, is_open in zip(
+            about.of.candidates, about.of.slices, about.of.open, strict=True
+        )
+        if is_open and sizes[part].max() < VISIBLE
     )
 
 

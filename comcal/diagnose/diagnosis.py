@@ -199,6 +199,9 @@ class Misfit:
         Of the model as it was given.
     held_out_before, held_out_after : float or None
         Whitened mean square of held-out poses, without and with the causes; 1 is noise.
+    p_row, row : float, str
+        The chance that any row by itself is as far off as the worst one, and which that is: one
+        row that is wrong drowns among hundreds.
     """
 
     chi2: float
@@ -208,6 +211,13 @@ class Misfit:
     p_before: float
     held_out_before: float | None = None
     held_out_after: float | None = None
+    p_row: float = 1.0
+    row: str = ""
+
+    @property
+    def chance(self) -> float:
+        """How likely it is that all rows together, or one by itself, are so far off by chance."""
+        return min(1.0, 2.0 * min(self.p, self.p_row))
 
 
 @dataclass(frozen=True)

@@ -114,10 +114,7 @@ def _by_pose(scene: Scene, left: Array) -> Array:
     at = np.flatnonzero(spread)
     white = scene.by.turned(left)
     found: list[float] = []
-    first = 0
-    for rows in scene.by.rows:
-        mine = slice(first, first + len(rows))
-        first += len(rows)
+    for rows, mine in zip(scene.by.rows, scene.by.slices, strict=True):
         T = scene.X[mine][:, at] * spread[at]
         C = T @ T.T + np.eye(len(rows))
         found.append(float(white[mine] @ np.linalg.solve(C, white[mine])) if len(rows) else 0.0)
@@ -139,14 +136,15 @@ def _gain(before: Array, after: Array, shift: Array) -> Gain:
     scale = float(before.sum()) or 1.0
     gained = float((before - after).sum())
     half = Z * 2.0 * float(np.sqrt(shift.sum()))
-    return Gain(gained / scale, ((gained - half) / scale, (gained + half) / scale))
+    # Noise may let it look like more, but nobody gains more than all there is.
+    return Gain(gained / scale, ((gained - half) / scale, min((gained + half) / scale, 1.0)))
 
 
-def _interval(values: Array) -> tuple[float, float, float]:
+def _interval(values: Array) -> tuple[float, float]:
     n = len(values)
     mean = float(values.mean())
     half = float(stdtrit(n - 1, 0.5 + CONFIDENCE / 2) * values.std(ddof=1) / np.sqrt(n))
-    return mean, mean - half, mean + half
+    return mean - half, mean + half
 
 
 def _quantities(scene: Scene, before: Array, after: Array) -> tuple[HeldOut, ...]:
@@ -193,8 +191,7 @@ def _held_out(
     interval = (float("nan"), float("nan"))
     if len(poses) > 1:
         a, b = (np.sqrt(s) for s in squares)
-        _, low, high = _interval(a - b)
-        interval = (low, high)
+        interval = _interval(a - b)
     return HeldOut(
         name, unit, float(np.sqrt(squares[0].mean())), float(np.sqrt(squares[1].mean())), interval
     )

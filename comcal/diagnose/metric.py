@@ -16,7 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.linalg import cholesky, solve_triangular
 
 from comcal.robot.tree import Array
 
@@ -106,24 +106,3 @@ def metric(of: Products, spread: Array) -> Metric:
         of.rows,
         2.0 * float(np.log(np.diag(L)).sum()),
     )
-
-
-def healthy_part(of: Products, spread: Array, coordinates: Array) -> Array:
-    """Return the healthy deviations that the residuals make likely, shape (p,).
-
-    Parameters
-    ----------
-    of : Products
-    spread : array, shape (p,)
-    coordinates : array, shape (p,)
-        Of the causes named: taken out first.
-    """
-    found = np.zeros(len(spread))
-    at = np.flatnonzero(spread)
-    if at.size:
-        D = spread[at]
-        M = D[:, None] * of.K[np.ix_(at, at)] * D
-        M[np.diag_indices_from(M)] += 1.0
-        left = of.b[at] - of.K[at] @ coordinates
-        found[at] = D * cho_solve((cholesky(M, lower=True), True), D * left)
-    return found

@@ -20,20 +20,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from comcal.diagnose.diagnosis import Place
+from comcal.diagnose.follows import ENOUGH, companion
 from comcal.diagnose.metric import Products, metric
 from comcal.diagnose.naming import Named
 from comcal.diagnose.readings import layout_of
 from comcal.diagnose.scene import Scene
+from comcal.measure.table import PoseTable
 from comcal.robot.tree import Array
 
 SIZES = (0.1, 0.3, 1.0)
 """Standard deviations that are tried, as shares of a fault."""
+FOLLOWS = 0.7
+"""Correlation from which free values are said to be a function of something."""
 FAULTS = {"encoder": 0.02, "current": 1.0, "link moment": 0.5, "floor": 0.01, "IMU": 0.1}
 SENSOR_FAULT = np.array([20.0, 20.0, 20.0, 2.0, 2.0, 2.0])
 
 
 @dataclass(frozen=True)
-class Candidate:
+class _Spot:
     """One place.
 
     Parameters
@@ -54,40 +58,38 @@ def place_of(named: Named) -> Place | None:
     Parameters
     ----------
     named : Named
-        Causes named may be there beside it, or not.
+        Causes named may be there beside it.
     """
     scene = named.scene
     best: Place | None = None
-    for causes in (named.causes,):
-        spread = scene.of.spread(scene.scales, causes)
-        base = metric(scene.products, spread).log_likelihood
-        for candidate in _candidates(scene):
-            odds = max(_log_likelihood(scene, spread, candidate, F) for F in SIZES) - base
-            if odds > 0.0 and (best is None or odds > best.log_odds):
-                what = _followed(scene, candidate)
-                best = Place(candidate.place, candidate.target, what, odds)
+    spread = scene.of.spread(scene.scales, named.causes)
+    base = metric(scene.products, spread).log_likelihood
+    for spot in _spots(scene):
+        odds = max(_log_likelihood(scene, spread, spot, size) for size in SIZES) - base
+        if odds > 0.0 and (best is None or odds > best.log_odds):
+            best = Place(spot.place, spot.target, _followed(scene, spot), odds)
     return best
 
 
-def _candidates(scene: Scene) -> Iterator[Candidate]:
+def _spots(scene: Scene) -> Iterator[_Spot]:
     robot, at = scene.at.assumed.robot, layout_of(scene.at.table)
     joints = robot.tree.joint_names
     slopes = -scene.at.slopes
     for k, joint in enumerate(joints):
-        yield Candidate("encoder", joint, FAULTS["encoder"] * slopes[:, [k]])
+        yield _Spot("encoder", joint, FAULTS["encoder"] * slopes[:, [k]])
     for k, joint in enumerate(joints):
         columns = FAULTS["current"] * slopes[:, [at.joints + k]]
         if columns.any():
-            yield Candidate("current", joint, columns)
+            yield _Spot("current", joint, columns)
     for sensor in at.sensors:
-        yield Candidate("sensor", sensor, slopes[:, at.wrench(sensor)] * SENSOR_FAULT)
+        yield _Spot("sensor", sensor, slopes[:, at.wrench(sensor)] * SENSOR_FAULT)
     first = 3 * at.joints
     if slopes[:, first : first + 3].any():
-        yield Candidate("IMU", "", FAULTS["IMU"] * slopes[:, first : first + 3])
+        yield _Spot("IMU", "", FAULTS["IMU"] * slopes[:, first : first + 3])
     for k, link in enumerate(robot.tree.links):
         if link.mass > 0.0:
             moments = FAULTS["link moment"] * scene.at.links.by_weight[:, k, 1:]
-            yield Candidate("link moment", link.name, moments)
+            yield _Spot("link moment", link.name, moments)
     if robot.feet:
         floor = np.stack([scene.at.sloped(i) for i in range(2)], axis=1)
         closing = np.stack(
@@ -98,19 +100,16 @@ def _candidates(scene: Scene) -> Iterator[Candidate]:
             axis=1,
         )
         both = np.concatenate([floor, closing], axis=1)
-        yield Candidate("floor", "", FAULTS["floor"] * both)
+        yield _Spot("floor", "", FAULTS["floor"] * both)
 
 
-def _log_likelihood(scene: Scene, spread: Array, candidate: Candidate, size: float) -> float:
-    A = scene.by.turned(candidate.columns * size)
+def _log_likelihood(scene: Scene, spread: Array, spot: _Spot, size: float) -> float:
+    A = scene.by.turned(spot.columns * size)
     k = A.shape[1]
     determinant = 0.0
     parts: list[Array] = []
     right: list[Array] = []
-    first = 0
-    for rows in scene.by.rows:
-        mine = slice(first, first + len(rows))
-        first += len(rows)
+    for mine in scene.by.slices:
         a = A[mine]
         if not a.any():
             continue
@@ -126,52 +125,39 @@ def _log_likelihood(scene: Scene, spread: Array, candidate: Candidate, size: flo
     return metric(left, spread).log_likelihood - 0.5 * determinant
 
 
-def _followed(scene: Scene, candidate: Candidate) -> str:
+def _followed(scene: Scene, spot: _Spot) -> str:
     """Return in words what the free values of the poses go along with."""
     values: list[Array] = []
     index: list[int] = []
-    A = scene.by.turned(candidate.columns)
-    first = 0
-    for pose, rows in enumerate(scene.by.rows):
-        mine = slice(first, first + len(rows))
-        first += len(rows)
+    A = scene.by.turned(spot.columns)
+    for pose, mine in enumerate(scene.by.slices):
         a = A[mine]
         if a.any():
             M = np.eye(a.shape[1]) + a.T @ a
             values.append(np.linalg.solve(M, a.T @ scene.r[mine]))
             index.append(pose)
-    if len(values) < 6:
+    if len(values) < ENOUGH:
         return "of too few poses to say of what"
     found = np.array(values)
     column = found[:, int(np.argmax(np.var(found, axis=0)))]
-    table = scene.at.table.select(index)
-    companions = _companions(scene, candidate, table.q, table.wrench)
-    best = max(
-        ((abs(float(np.corrcoef(column, v)[0, 1])), name) for name, v in companions if np.ptp(v)),
-        default=(0.0, ""),
-    )
-    return best[1] if best[0] > 0.7 else "other than those that were tried"
+    others = _companions(scene, spot, scene.at.table.select(index))
+    return companion(column, others, FOLLOWS) or "other than those that were tried"
 
 
-def _companions(
-    scene: Scene, candidate: Candidate, q: Array, wrench: object
-) -> Iterator[tuple[str, Array]]:
-    table = scene.at.table
+def _companions(scene: Scene, spot: _Spot, table: PoseTable) -> Iterator[tuple[str, Array]]:
     joints = scene.at.assumed.robot.tree.joint_names
-    if candidate.place in ("encoder", "current") and candidate.target in joints:
-        angle = q[:, joints.index(candidate.target)]
-        for name, v in _waves(angle):
+    if spot.place in ("encoder", "current") and spot.target in joints:
+        for name, v in _waves(table.q[:, joints.index(spot.target)]):
             yield f"of {name} of its own angle", v
-    if candidate.place == "sensor" and isinstance(wrench, dict):
-        force = np.asarray(wrench[candidate.target][:, 2], np.float64)
+    if spot.place == "sensor":
+        force = table.wrench[spot.target][:, 2]
         yield "of its load", force
         yield "of the square of its load", force**2
-    if candidate.place == "link moment":
+    if spot.place == "link moment":
         for k, joint in enumerate(joints):
-            for name, v in _waves(q[:, k]):
+            for name, v in _waves(table.q[:, k]):
                 yield f"of {name} of {joint}", v
-    if len(q) == len(table) and np.isfinite(table.t).all():
-        yield "of the time", table.t
+    yield "of the time", table.t
 
 
 def _waves(angle: Array) -> Iterator[tuple[str, Array]]:

@@ -141,7 +141,7 @@ def _explained_chi2(scene: Scene, against: Metric, i: int) -> float:
 
 
 def _is_general(other: str, effect: str) -> bool:
-    """Whether an effect holds another one as a special case, perhaps from a link nearby."""
+    """Whether an effect holds another one as a special case."""
     return effect in GENERAL.get(other, set())
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from comcal.diagnose.diagnosis import Cause, Channel, Finding, Place, Rival, Verdict
-from comcal.robot.changes_table import EFFECTS
+from comcal.robot.changes import spec_of
 
 CERTAIN = 15.0
 """Sigmas from which a cause is said to be there; a smaller effect that the catalogue lacks may look
@@ -20,14 +20,18 @@ def sentence(
     findings: Sequence[Finding],
     place: Place | None,
     channels: Sequence[Channel],
+    *,
+    is_all: bool = True,
 ) -> str:
-    """Say in one sentence what the model gets wrong."""
+    """Say in one sentence what the model gets wrong; *is_all*: the whole catalogue was searched."""
     worst = channels[0] if channels else None
     where = "" if worst is None else f"; furthest off is {worst.name}"
     if verdict is Verdict.NOTHING_WRONG:
         return "The model explains the readings within noise and healthy tolerances."
     if verdict is Verdict.UNEXPLAINED:
         at = f", most likely at {spot(place)}" if place is not None else where
+        if not is_all:
+            return f"None of the causes looked for explains the readings{at}."
         return f"Something acts that the catalogue has no name for{at}."
     refused = _listed([finding.text for finding in findings])
     if not causes:
@@ -50,9 +54,7 @@ def spot(place: Place) -> str:
 
 
 def _words(cause: Cause) -> str:
-    spec = EFFECTS.get(cause.change.effect)
-    summary = "" if spec is None else f" ({spec.summary})"
-    return f"{cause.name}{summary}"
+    return f"{cause.name} ({spec_of(cause.change.effect).summary})"
 
 
 def _listed(words: Sequence[str]) -> str:

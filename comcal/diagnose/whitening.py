@@ -8,6 +8,7 @@ many rows, and the rows are whitened together.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +53,12 @@ class Whitening:
     def pose(self) -> npt.NDArray[np.intp]:
         """Number of the pose of every whitened row."""
         return np.repeat(np.arange(len(self.rows)), [len(rows) for rows in self.rows])
+
+    @property
+    def slices(self) -> tuple[slice, ...]:
+        """Where the rows of each pose stand among the whitened ones."""
+        ends = np.cumsum([0, *(len(rows) for rows in self.rows)]).tolist()
+        return tuple(slice(a, b) for a, b in itertools.pairwise(ends))
 
     def restricted(self, valid: npt.NDArray[np.bool_]) -> Whitening:
         """Return the whitening of those residuals alone that are valid, a mask of shape (n,)."""

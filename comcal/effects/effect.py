@@ -26,7 +26,7 @@ class Effect:
     Parameters
     ----------
     name : str
-        As in :data:`comcal.robot.changes_table.EFFECTS`, which holds keys and units.
+        As in :func:`comcal.robot.effect_specs.effect_specs`, which holds keys and units.
     correct : callable
         Takes what is assumed, the readings and a change; returns both corrected.
     fault : mapping from key to float

@@ -74,7 +74,7 @@ def extend(robot: Robot, table: PoseTable, known: Sequence[KnownChange]) -> Exte
         for key, sigma in entry.sigma.items():
             if not sigma > 0.0:
                 continue
-            name = f"{label(entry.change)} {key}"
+            name = f"{entry.change.name} {key}"
             more = {**entry.change.parameters, key: entry.change.number(key) + sigma}
             other = [*changes[:i], replace(entry.change, parameters=more), *changes[i + 1 :]]
             there, read = corrected(Assumed(robot), table, other)
@@ -91,11 +91,6 @@ def extend(robot: Robot, table: PoseTable, known: Sequence[KnownChange]) -> Exte
         exact=tuple(exact),
         idle=_idle(robot, table, changes),
     )
-
-
-def label(change: Change) -> str:
-    """Return ``effect@target``, or the effect alone where it has no target."""
-    return f"{change.effect}@{change.target}" if change.target else change.effect
 
 
 def _known(plain: PoseTable, raw: PoseTable) -> PoseTable:
@@ -127,5 +122,5 @@ def _idle(robot: Robot, table: PoseTable, changes: Sequence[Change]) -> tuple[st
         assumed, understood = corrected(Assumed(robot), table, [change])
         shift = shift_between(table, plain_readings(assumed, understood))
         if shift.is_none and _same_bodies(robot, assumed.robot):
-            found.append(label(change))
+            found.append(change.name)
     return tuple(found)

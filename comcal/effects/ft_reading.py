@@ -7,6 +7,8 @@ time and temperature. Each effect undoes its own part.
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 
 from comcal.effects.effect import Effect, State
@@ -19,10 +21,11 @@ from comcal.robot.frames import rotation_about
 from comcal.robot.tree import Array
 from comcal.statics.wrenches import wrench_transform
 
-FORCES, MOMENTS = CHANNELS[:3], CHANNELS[3:]
+FORCES = CHANNELS[:3]
+T = TypeVar("T", float, str)
 
 
-def _by_channel(force: float, moment: float, prefix: str = "") -> dict[str, float]:
+def _by_channel(force: T, moment: T, prefix: str = "") -> dict[str, T]:
     return {f"{prefix}{c}": force if c in FORCES else moment for c in CHANNELS}
 
 
@@ -75,15 +78,11 @@ def _position(assumed: Assumed, table: PoseTable, change: Change) -> State:
     return assumed, _matrix(table, change, wrench_transform(np.eye(3), -offset))
 
 
-def _healthy(force: str, moment: str) -> dict[str, str]:
-    return {c: force if c in FORCES else moment for c in CHANNELS}
-
-
 FT_BIAS = Effect(
     name="ft_bias",
     correct=_bias,
     fault=_by_channel(10.0, 1.0),
-    family=_healthy("ft_bias_force", "ft_bias_moment"),
+    family=_by_channel("ft_bias_force", "ft_bias_moment"),
     signature="constant in that sensor's rows, loaded or not",
     separated_by="a pose in which that foot is in the air, or the robot hangs",
     remedy="tare the sensor with the foot lifted",

@@ -2,7 +2,8 @@
 """All effects by name: those of the catalogue, and those that other packages bring.
 
 A package adds its own by the entry point ``comcal.effects``, which names an
-:class:`~comcal.effects.effect.Effect` or a sequence of them.
+:class:`~comcal.effects.effect.Effect` or a sequence of them; their keys and targets it says by
+another one, ``comcal.effect_specs`` (:mod:`comcal.robot.effect_specs`).
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ from comcal.errors import ConfigError
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
 from comcal.robot.changes import Change
+from comcal.robot.effect_specs import GROUP as SPECS
+from comcal.robot.effect_specs import effect_specs
 
 GROUP = "comcal.effects"
 
@@ -39,7 +42,7 @@ def effects() -> Mapping[str, Effect]:
     Raises
     ------
     ConfigError
-        If two packages bring an effect of one name.
+        If two packages bring an effect of one name, or one whose keys and targets nobody says.
     """
     found: dict[str, Effect] = {}
     for module in (
@@ -69,8 +72,21 @@ def effects() -> Mapping[str, Effect]:
                     where=entry.value,
                     next_step="remove one of the packages",
                 )
+            _check_keys(effect, entry.value)
             found[effect.name] = effect
     return MappingProxyType(found)
+
+
+def _check_keys(effect: Effect, where: str) -> None:
+    spec = effect_specs().get(effect.name)
+    unknown = [key for key in effect.fault if spec is None or key not in spec.keys]
+    if spec is None or unknown:
+        what = "is not known" if spec is None else f"has no parameter {unknown[0]!r}"
+        raise ConfigError(
+            f"the effect {effect.name!r} {what}",
+            where=where,
+            next_step=f"say its targets and keys in an EffectSpec by the entry point {SPECS}",
+        )
 
 
 def corrected(assumed: Assumed, table: PoseTable, changes: Iterable[Change]) -> State:
@@ -79,15 +95,15 @@ def corrected(assumed: Assumed, table: PoseTable, changes: Iterable[Change]) -> 
     Raises
     ------
     ConfigError
-        If an effect has no correction.
+        If an effect has no correction, such as readings that are frozen or saturated.
     """
     for change in changes:
         effect = effects().get(change.effect)
         if effect is None:
             raise ConfigError(
-                f"effect {change.effect!r} has no correction",
-                where=change.target,
-                next_step=f"those that have: {', '.join(effects())}",
+                f"readings cannot be corrected for {change.effect}",
+                where=change.name,
+                next_step="leave it out of the model",
             )
         assumed, table = effect.correct(assumed, table, change)
     return assumed, table

@@ -38,13 +38,13 @@ def _soles(assumed: Assumed, table: PoseTable, change: Change) -> State:
     return replace(assumed, sole_give={**assumed.sole_give, **more}), table
 
 
-def _load(assumed: Assumed, table: PoseTable, change: Change, load: Load) -> State:
+def _loaded(assumed: Assumed, table: PoseTable, load: Load) -> State:
     return replace(assumed, loads=(*assumed.loads, load)), table
 
 
 def _cable(assumed: Assumed, table: PoseTable, change: Change) -> State:
     link = assumed.robot.tree.link_index[change.target]
-    return _load(assumed, table, change, Load(link, np.array(change.numbers(*FORCE))))
+    return _loaded(assumed, table, Load(link, np.array(change.numbers(*FORCE))))
 
 
 def _tether(assumed: Assumed, table: PoseTable, change: Change) -> State:
@@ -54,7 +54,7 @@ def _tether(assumed: Assumed, table: PoseTable, change: Change) -> State:
         k[i, j] = k[j, i] = value
     force = np.array(change.numbers(*FORCE))
     anchor = first_place(assumed, table, link)
-    return _load(assumed, table, change, Load(link, force, stiffness=k, anchor=anchor))
+    return _loaded(assumed, table, Load(link, force, stiffness=k, anchor=anchor))
 
 
 def _contact(assumed: Assumed, table: PoseTable, change: Change) -> State:
@@ -66,7 +66,7 @@ def _contact(assumed: Assumed, table: PoseTable, change: Change) -> State:
         point=np.array(change.numbers(*POINT)),
         poses=None if poses is None else frozenset(poses),
     )
-    return _load(assumed, table, change, load)
+    return _loaded(assumed, table, load)
 
 
 def _published(assumed: Assumed, table: PoseTable, change: Change) -> State:

@@ -22,24 +22,21 @@ EXCESS = 2.0
 _UNIT = {"m": (1e3, "mm"), "kg": (1.0, "kg")}
 
 
-def print_calibration(console: Console, calibration: Calibration, *, full: bool = True) -> None:
+def print_calibration(console: Console, calibration: Calibration) -> None:
     """Print everything a calibration says, ending in its verdict.
 
     Parameters
     ----------
     console : Console
     calibration : Calibration
-    full : bool
-        False leaves out the coefficients of single poses and the unseen directions.
     """
     notes = (*calibration.table.notes, *calibration.notes)
     print_lines(console, (f"note: {note}" for note in notes))
-    if full:
-        _coefficients(console, calibration)
+    _coefficients(console, calibration)
     if calibration.paper is not None:
-        _paper(console, calibration.paper, full=full)
+        _paper(console, calibration.paper)
     if calibration.solution is not None:
-        _solution(console, calibration.solution, full=full)
+        _solution(console, calibration.solution)
     if calibration.without_torques is not None and calibration.solution is not None:
         print_with_and_without(console, calibration.solution, calibration.without_torques)
     _difference(console, calibration)
@@ -108,7 +105,7 @@ def _coefficients(console: Console, calibration: Calibration) -> None:
     print_table(console, rows, header)
 
 
-def _paper(console: Console, paper: PaperRoute, *, full: bool) -> None:
+def _paper(console: Console, paper: PaperRoute) -> None:
     _heading(
         console, "The paper's route: total CoM of each shape, whole robot in P, reference pose"
     )
@@ -139,7 +136,7 @@ def _paper(console: Console, paper: PaperRoute, *, full: bool) -> None:
         "Cramer's rule: CoM of each segment from its joint nearer the feet, l up, r to the toes",
     )
     rows = []
-    for k, result in enumerate(paper.choices if full else paper.choices[:1]):
+    for k, result in enumerate(paper.choices):
         sd = sigmas(result.cov)
         solving = ", ".join(names[i] for i in result.choice.solving)
         for v, segment in enumerate(paper.chain.segments):
@@ -168,7 +165,7 @@ def _misfit(misfit: np.ndarray, sigma: np.ndarray) -> str:
     return ", ".join(_pm(m, s, MM) for m, s in zip(misfit, sigma, strict=True))
 
 
-def _solution(console: Console, solution: Solution, *, full: bool) -> None:
+def _solution(console: Console, solution: Solution) -> None:
     fit = solution.adjustment
     _heading(console, "All data at once: CoM of each link in its URDF frame")
     rows = [
@@ -194,7 +191,7 @@ def _solution(console: Console, solution: Solution, *, full: bool) -> None:
     if sums:
         _heading(console, "Only sums are determined (first moments, kg mm)")
         print_table(console, [(c.words, _pm(c.value, c.sigma, 1e3)) for c in sums])
-    if full and solution.unseen:
+    if solution.unseen:
         _heading(console, "Not determined by these poses")
         print_table(console, _by_remedy(solution), ("first moments", "apart from one another"))
     held = solution.held_out

@@ -14,9 +14,10 @@ from comcal.diagnose.diagnosis import Cause, Diagnosis, Verdict
 from comcal.identify.calibration import Calibration
 from comcal.report.console import print_lines, print_table
 from comcal.report.demo_truth import Judgement
-from comcal.report.diagnosis import channel_text, print_diagnosis_verdict
+from comcal.report.diagnosis import print_diagnosis_verdict
 from comcal.report.diagnosis_words import (
     HELD_OUT_HEADER,
+    channel_rows,
     held_out_rows,
     in_favour,
     parameter_texts,
@@ -120,15 +121,7 @@ def _checks(calibration: Calibration) -> dict[str, Any]:
 
 def _residuals(console: Console, diagnosis: Diagnosis) -> None:
     channels, rest = diagnosis.channels[:CHANNELS_SHOWN], diagnosis.channels[CHANNELS_SHOWN:]
-    rows = [
-        (
-            channel.name,
-            channel_text(channel),
-            f"{channel.sigmas_before:.1f} -> {channel.sigmas_after:.1f}",
-            channel.follows or "-",
-        )
-        for channel in channels
-    ]
+    rows = [row[:-1] for row in channel_rows(channels)]
     if rest:
         before, after = (max(getattr(c, f"sigmas_{when}") for c in rest) for when in _WHEN)
         rows.append((f"{len(rest)} more", "", f"<= {before:.1f} -> {after:.1f}", ""))

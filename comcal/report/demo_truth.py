@@ -94,8 +94,7 @@ def change_words(change: Change) -> str:
             continue
         factor, unit = shown_unit(keys[key].unit, key)
         parts.append(f"{key} {value * factor:.4g} {unit}".rstrip())
-    name = f"{change.effect}@{change.target}" if change.target else change.effect
-    return f"{name}: {', '.join(parts)}"
+    return f"{change.name}: {', '.join(parts)}"
 
 
 def _inside(truth: Change, cause: Cause | None) -> list[bool]:

@@ -8,10 +8,13 @@ from rich.console import Console
 from comcal.diagnose.diagnosis import Cause, Channel, Diagnosis, Finding, Verdict
 from comcal.report.console import print_lines, print_table
 from comcal.report.diagnosis_words import (
+    CHANNEL_HEADER,
     HELD_OUT_HEADER,
     blind_texts,
+    channel_rows,
     gain_summary,
     gain_text,
+    group_rows,
     held_out_rows,
     in_favour,
     limit_words,
@@ -22,7 +25,6 @@ from comcal.report.diagnosis_words import (
     summary_of,
     verdict_words,
 )
-from comcal.report.display_units import shown_unit
 
 CHANNELS_SHOWN = 10
 """Rows of the table of residuals; the others are summed up in a line."""
@@ -71,9 +73,8 @@ def _findings(console: Console, findings: tuple[Finding, ...]) -> None:
         return
     _heading(console, "Readings refused or kept under reserve, before anything was fitted")
     for finding in findings:
-        at = f"{finding.effect}@{finding.target}" if finding.target else finding.effect
         poses = f" (poses {_ids(finding.poses)})" if finding.poses else ""
-        print_lines(console, [f"{at}: {finding.text}{poses}"])
+        print_lines(console, [f"{finding.change.name}: {finding.text}{poses}"])
         remedy = f"; {finding.remedy}" if finding.remedy else ""
         print_lines(console, [f"  {finding.action}{remedy}"])
 
@@ -125,12 +126,7 @@ def _unlike(left: str) -> str:
 def _groups(console: Console, diagnosis: Diagnosis) -> None:
     if diagnosis.groups:
         _heading(console, "These readings do not tell apart")
-        rows = [
-            (rival.name, chance, summary_of(rival.effect))
-            for group in diagnosis.groups
-            for rival, (_, chance, _) in zip(group, rival_texts(group), strict=True)
-        ]
-        print_table(console, rows)
+        print_table(console, group_rows(diagnosis))
     if diagnosis.would_decide:
         _heading(console, "What would decide")
         print_lines(console, diagnosis.would_decide)
@@ -140,17 +136,7 @@ def _channels(console: Console, channels: tuple[Channel, ...]) -> None:
     if not channels:
         return
     _heading(console, "Residuals, root mean square; 1 sigma is what a healthy robot shows")
-    rows = [
-        (
-            channel.name,
-            channel_text(channel),
-            f"{channel.sigmas_before:.1f} -> {channel.sigmas_after:.1f}",
-            channel.follows or "-",
-            str(channel.worst) if channel.worst >= 0 else "-",
-        )
-        for channel in channels[:CHANNELS_SHOWN]
-    ]
-    print_table(console, rows, ("residual", "before -> after", "sigmas", "follows", "worst pose"))
+    print_table(console, channel_rows(channels[:CHANNELS_SHOWN]), CHANNEL_HEADER)
     rest = channels[CHANNELS_SHOWN:]
     if rest:
         before, after = (
@@ -159,12 +145,6 @@ def _channels(console: Console, channels: tuple[Channel, ...]) -> None:
         )
         line = f"{len(rest)} more, none above {before:.1f} sigmas before, {after:.1f} after"
         print_lines(console, [line])
-
-
-def channel_text(channel: Channel) -> str:
-    """Return ``12.1 -> 0.8 N``, in the unit that people read."""
-    factor, unit = shown_unit(channel.unit)
-    return f"{channel.before * factor:.3g} -> {channel.after * factor:.3g} {unit}"
 
 
 def _gain(console: Console, diagnosis: Diagnosis) -> None:

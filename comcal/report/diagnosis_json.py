@@ -76,6 +76,8 @@ def _misfit(misfit: Misfit) -> dict[str, Any]:
         "held_out_after": None if after is None else number(after),
         "chi2_before": number(misfit.chi2_before),
         "p_before": number(misfit.p_before),
+        "p_row": number(misfit.p_row),
+        "row": misfit.row,
     }
 
 

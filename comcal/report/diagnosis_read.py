@@ -102,9 +102,11 @@ def _value(value: Any) -> Value:
 
 
 def _misfit(content: Mapping[str, Any]) -> Misfit:
-    numbers = {key: _number(content[key]) for key in ("chi2", "p", "chi2_before", "p_before")}
+    numbers = {
+        key: _number(content[key]) for key in ("chi2", "p", "chi2_before", "p_before", "p_row")
+    }
     held_out = {key: content[key] for key in ("held_out_before", "held_out_after")}
-    return Misfit(dof=content["dof"], **numbers, **held_out)
+    return Misfit(dof=content["dof"], row=content["row"], **numbers, **held_out)
 
 
 def _pair(bounds: list[float | None]) -> tuple[float, float]:

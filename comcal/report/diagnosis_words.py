@@ -8,9 +8,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from comcal.diagnose.diagnose import HEALTHY_P, MISFIT_P
-from comcal.diagnose.diagnosis import Cause, Diagnosis, Place, Rival, Verdict
+from comcal.diagnose.diagnosis import Cause, Channel, Diagnosis, Place, Rival, Verdict
 from comcal.report.display_units import shown_unit
-from comcal.robot.changes_table import EFFECTS
+from comcal.robot.effect_specs import effect_specs
 
 FORCED_WRONG_GAINED = 54
 """Per cent of trials in which a wrong cause, forced in, gained on held-out poses nevertheless."""
@@ -108,7 +108,7 @@ def in_favour(log_odds: float) -> str:
 
 def summary_of(effect: str) -> str:
     """Return the line of the catalogue about an effect; empty for one that is not in it."""
-    spec = EFFECTS.get(effect)
+    spec = effect_specs().get(effect)
     return spec.summary if spec is not None else ""
 
 
@@ -122,6 +122,38 @@ def rival_texts(rivals: Iterable[Rival]) -> list[tuple[str, str, str]]:
         )
         for rival in rivals
     ]
+
+
+def group_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
+    """Return name, odds and summary of every cause that is not told from others."""
+    return [
+        (rival.name, chance, summary_of(rival.effect))
+        for group in diagnosis.groups
+        for rival, (_, chance, _) in zip(group, rival_texts(group), strict=True)
+    ]
+
+
+CHANNEL_HEADER = ("residual", "before -> after", "sigmas", "follows", "worst pose")
+
+
+def channel_rows(channels: Iterable[Channel]) -> list[tuple[str, ...]]:
+    """Return every residual's name, size before and after, what it follows, and its worst pose."""
+    return [
+        (
+            channel.name,
+            channel_text(channel),
+            f"{channel.sigmas_before:.1f} -> {channel.sigmas_after:.1f}",
+            channel.follows or "-",
+            str(channel.worst) if channel.worst >= 0 else "-",
+        )
+        for channel in channels
+    ]
+
+
+def channel_text(channel: Channel) -> str:
+    """Return ``12.1 -> 0.8 N``, in the unit that people read."""
+    factor, unit = shown_unit(channel.unit)
+    return f"{channel.before * factor:.3g} -> {channel.after * factor:.3g} {unit}"
 
 
 def gain_text(cause: Cause) -> str:
@@ -199,14 +231,15 @@ def verdict_words(diagnosis: Diagnosis) -> str:
 
 
 def limit_words(diagnosis: Diagnosis) -> str:
-    """Return what is left, beside its limit."""
+    """Return what is left, beside its limit: the chance of all rows together or of the worst."""
     misfit = diagnosis.misfit
     limit = MISFIT_P if diagnosis.causes or diagnosis.findings else HEALTHY_P
-    sign = ">=" if misfit.p >= limit else "<"
+    sign = ">=" if misfit.chance >= limit else "<"
     what = "left" if diagnosis.causes else "misfit"
+    row = f" (worst: {misfit.row})" if misfit.row else ""
     return (
-        f"{what}: chi2 {misfit.chi2:.1f} for {misfit.dof} degrees of freedom, "
-        f"p = {misfit.p:.2g} {sign} {limit:g}"
+        f"{what}: chi2 {misfit.chi2:.1f} for {misfit.dof} degrees of freedom{row}, "
+        f"p = {misfit.chance:.2g} {sign} {limit:g}"
     )
 
 

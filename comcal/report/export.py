@@ -17,6 +17,7 @@ from comcal.identify.model_error import ModelError
 from comcal.identify.solution import MEASURED, PRIOR
 from comcal.report.console import PLUS_MINUS, print_lines, print_table
 from comcal.report.export_extension import part_lines
+from comcal.report.json_numbers import number
 from comcal.robot.findings import Finding
 
 MM = 1e3
@@ -75,8 +76,8 @@ def exported_json(summary: Summary) -> dict[str, Any]:
         "session_poses": {
             "poses": len(summary.after.poses),
             "com_rms_mm": {
-                "urdf": _finite(summary.before.com_rms * MM),
-                "exported": _finite(summary.after.com_rms * MM),
+                "urdf": number(summary.before.com_rms * MM),
+                "exported": number(summary.after.com_rms * MM),
             },
         },
         "notes": notes(summary),
@@ -182,7 +183,3 @@ def _component(link: ModelLink, axis: int) -> str:
     moved = f" ({change:+.2f})" if abs(change) > HARDLY else " (0)"
     mark = "" if link.provenance[axis] == MEASURED else " s"
     return f"{link.com[axis] * MM + 0.0:.2f}{moved}{mark}"
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -14,7 +14,8 @@ from typing import cast
 
 from comcal.errors import UsageError
 from comcal.robot.changes_kinds import EffectSpec, Key, KeyKind, TargetKind
-from comcal.robot.changes_table import CHANNELS, EFFECTS, IMU_CHANNELS, JOINT_CHANNELS
+from comcal.robot.changes_table import CHANNELS, IMU_CHANNELS, JOINT_CHANNELS
+from comcal.robot.effect_specs import effect_specs
 from comcal.robot.model import Robot
 from comcal.robot.tree import JointType
 from comcal.robot.validate import did_you_mean
@@ -35,7 +36,7 @@ class Change:
     Parameters
     ----------
     effect : str
-        Name in :data:`~comcal.robot.changes_table.EFFECTS`.
+        Name in :func:`~comcal.robot.effect_specs.effect_specs`.
     target : str
         Link, joint, sensor, foot, ``imu``, ``all``, or empty where the effect has no target.
     parameters : mapping from key to Value
@@ -45,6 +46,11 @@ class Change:
     effect: str
     target: str = ""
     parameters: Mapping[str, Value] = field(default_factory=dict[str, Value])
+
+    @property
+    def name(self) -> str:
+        """``effect@target``, or the effect alone where it has no target."""
+        return f"{self.effect}@{self.target}" if self.target else self.effect
 
     def number(self, key: str, default: float = 0.0) -> float:
         """Return a parameter that is a number, *default* where it is not given."""
@@ -74,14 +80,14 @@ def spec_of(effect: str, where: str = "") -> EffectSpec:
     UsageError
         If there is none of that name.
     """
-    if effect not in EFFECTS:
-        near = did_you_mean(effect, list(EFFECTS))
+    known = effect_specs()
+    if effect not in known:
         raise UsageError(
             f"there is no effect {effect!r}",
             where=where,
-            next_step=near or "the reference lists all effects with their parameters",
+            next_step=did_you_mean(effect, list(known)) or f"there are {', '.join(known)}",
         )
-    return EFFECTS[effect]
+    return known[effect]
 
 
 def check_change(change: Change, where: str = "") -> None:
@@ -142,7 +148,10 @@ def _check_value(key: Key, value: Value, where: str) -> None:
     if key.kind is KeyKind.NUMBER:
         if isinstance(value, tuple) or not math.isfinite(value):
             raise UsageError(
-                f"{key.name} must be a finite number", where=where, measured=f"got {value!r}"
+                f"{key.name} must be a finite number",
+                where=where,
+                measured=f"got {value!r}",
+                next_step=f"write {key.label()}",
             )
         if not key.allows(value):
             raise UsageError(
@@ -150,6 +159,7 @@ def _check_value(key: Key, value: Value, where: str) -> None:
                 where=where,
                 measured=f"{value:g} {key.unit}",
                 limit=key.range(),
+                next_step="give a value in the range",
             )
         return
     are_ids = isinstance(value, tuple) and not any(isinstance(item, str) for item in value)
@@ -158,6 +168,7 @@ def _check_value(key: Key, value: Value, where: str) -> None:
             f"{key.name} must be a list of {'pose ids' if key.kind is KeyKind.POSES else 'words'}",
             where=where,
             measured=f"got {value!r}",
+            next_step="give one or more, as a list",
         )
 
 
@@ -262,12 +273,16 @@ def channels_of(kind: TargetKind) -> tuple[str, ...]:
 
 def _check_words(change: Change, kind: TargetKind, names: Sequence[str], where: str) -> None:
     """Check what the words of a change name: channels, an axis, another joint or sensor."""
-    known = {"channels": channels_of(kind), "axis": ("x", "y", "z"), "other": tuple(names)}
-    for key, possible in known.items():
+    known = {
+        "channels": ("channel", channels_of(kind)),
+        "axis": ("axis", ("x", "y", "z")),
+        "other": (f"other {kind.value}", tuple(names)),
+    }
+    for key, (what, possible) in known.items():
         for word in change.words(key):
             if word not in possible:
                 raise UsageError(
-                    f"{change.effect} at {change.target}: there is no {key.rstrip('s')} {word!r}",
+                    f"{change.effect} at {change.target}: there is no {what} {word!r}",
                     where=where,
                     next_step=did_you_mean(word, possible),
                 )

@@ -68,9 +68,8 @@ def parse_change(text: str) -> Change:
 
 def change_text(change: Change) -> str:
     """Return the text that :func:`parse_change` reads back to the last bit."""
-    at = f"@{change.target}" if change.target else ""
     parts = [f"{key}={_text(value)}" for key, value in change.parameters.items()]
-    return f"{change.effect}{at}:{','.join(parts)}"
+    return f"{change.name}:{','.join(parts)}"
 
 
 def _value(key: Key, text: str, where: str) -> Value:

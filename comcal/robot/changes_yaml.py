@@ -15,9 +15,9 @@ from pydantic import ConfigDict, Field
 from ruamel.yaml import YAML
 
 from comcal.errors import ConfigError, UsageError
-from comcal.robot.changes import Change, Value, check_change
+from comcal.robot.changes import Change, Value, check_change, spec_of
 from comcal.robot.changes_kinds import Key, KeyKind
-from comcal.robot.changes_table import EFFECTS
+from comcal.robot.effect_specs import effect_specs
 from comcal.robot.locate import LocatedYaml, read_yaml
 from comcal.robot.schema import Section, Text
 from comcal.robot.units import Dimension, parse_quantity
@@ -79,6 +79,13 @@ def read_extension(path: str | os.PathLike[str]) -> tuple[KnownChange, ...]:
         If the file is missing or wrong: YAML, keys, units, names; file and line are named.
     """
     located = read_yaml(Path(path))
+    if located.data.get("format") != FORMAT:
+        raise ConfigError(
+            f"is no extended.yaml: its format must be {FORMAT!r}",
+            where=f"{path}:{located.line(['format'])}",
+            measured=f"got {located.data.get('format')!r}",
+            next_step="give one that comcal diagnose wrote: DIR/results/latest/extended.yaml",
+        )
     return _changes(validate_file(located, ExtensionFile), located)
 
 
@@ -93,20 +100,6 @@ def changes_in(located: LocatedYaml) -> tuple[KnownChange, ...]:
     entries = {"format": FORMAT, "effects": located.data.get("effects", [])}
     effects = LocatedYaml(located.path, entries, located.lines)
     return _changes(validate_file(effects, _Loose), located)
-
-
-def write_extension(path: Path, known: Sequence[KnownChange]) -> None:
-    """Write ``extended.yaml``, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-    known : sequence of KnownChange
-    """
-    text = extension_text(known)
-    beside = path.with_name(f".{path.name}.new")
-    beside.write_text(text, encoding="utf-8")
-    beside.replace(path)
 
 
 def extension_text(known: Sequence[KnownChange]) -> str:
@@ -125,7 +118,7 @@ def effects_data(known: Iterable[KnownChange]) -> list[dict[str, object]]:
             "effect": entry.change.effect,
             "target": entry.change.target,
             "parameters": {
-                key: _parameter_data(EFFECTS[entry.change.effect].keys[key], value, entry.sigma)
+                key: _parameter_data(spec_of(entry.change.effect).keys[key], value, entry.sigma)
                 for key, value in entry.change.parameters.items()
             },
         }
@@ -148,7 +141,7 @@ def _changes(file: ExtensionFile, located: LocatedYaml) -> tuple[KnownChange, ..
 
 def _change(section: EffectSection, i: int, located: LocatedYaml) -> KnownChange:
     where = located.where("effects", i)
-    spec = EFFECTS.get(section.effect)
+    spec = effect_specs().get(section.effect)
     values, sigma = dict[str, Value](), dict[str, float]()
     for name, given in section.parameters.items():
         here = located.where("effects", i, "parameters", name)
@@ -159,7 +152,7 @@ def _change(section: EffectSection, i: int, located: LocatedYaml) -> KnownChange
                 if spec is None
                 else f"{section.effect} has no parameter {name!r}"
             )
-            known = list(EFFECTS if spec is None else spec.keys)
+            known = list(effect_specs() if spec is None else spec.keys)
             near = did_you_mean(section.effect if spec is None else name, known)
             raise ConfigError(what, where=here, next_step=near)
         values[name] = _value(key, given, here)

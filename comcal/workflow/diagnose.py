@@ -24,10 +24,11 @@ from comcal.report.diagnosis_json import diagnosis_json
 from comcal.report.rerun import RerunGain, rerun_json
 from comcal.robot.changes import check_changes
 from comcal.robot.changes_yaml import KnownChange, read_extension
+from comcal.robot.effect_specs import effect_specs
 from comcal.robot.validate import did_you_mean
 from comcal.workflow.calibrate import input_hashes, load_session, without_poses
 from comcal.workflow.diagnosed_model import extended_text
-from comcal.workflow.rerun import rerun_gain
+from comcal.workflow.rerun import check_engine, rerun_gain
 
 
 @dataclass(frozen=True)
@@ -81,11 +82,13 @@ def diagnose_session(
     Raises
     ------
     UsageError, ConfigError, DataError
-        As of :func:`~comcal.workflow.calibrate.load_session`; if there is no such cause, or the
-        model does not fit the robot. Nothing is written then.
+        As of :func:`~comcal.workflow.calibrate.load_session`; if there is no such cause or
+        engine, or the model does not fit the robot. Nothing is written then.
     """
     for name in causes:
         _check_cause(name)
+    if engine is not None:
+        check_engine(engine)
     session, robot, table = load_session(directory, doubtful=True)
     if not robot.tree.geometry_known:
         raise UsageError(
@@ -138,6 +141,12 @@ def _check_cause(name: str) -> None:
             f"{name} is a mistake of wiring or configuration, which is not searched for by size",
             where="--causes",
             next_step="leave out --causes: then every such mistake is tried first",
+        )
+    if name in effect_specs():
+        raise UsageError(
+            f"{name} is always looked for, whatever the causes",
+            where="--causes",
+            next_step="leave it out of --causes",
         )
     raise UsageError(
         f"there is no cause {name!r}",

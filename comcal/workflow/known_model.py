@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-from comcal.effects.extend import Extended, extend, label
+from comcal.effects.extend import Extended, extend
 from comcal.measure.files import sha256_of
 from comcal.measure.table import PoseTable
 from comcal.robot.changes import check_changes, spec_of
@@ -147,7 +147,7 @@ def words_of(entry: KnownChange) -> str:
         unit = units[key].unit if key in units else ""
         sigma = f" +/- {entry.sigma[key]:.2g}" if entry.sigma.get(key, 0.0) > 0.0 else ""
         parts.append(f"{key} {value:.4g}{sigma}{f' {unit}' if unit not in ('', '1') else ''}")
-    return f"{label(change)} ({', '.join(parts)})"
+    return f"{change.name} ({', '.join(parts)})"
 
 
 def _joined(names: Sequence[str]) -> str:

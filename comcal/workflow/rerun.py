@@ -27,9 +27,8 @@ from comcal.measure.source import Block, SourceRequest
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
 from comcal.report.rerun import RerunGain
-from comcal.robot.changes import Change, check_changes
+from comcal.robot.changes import Change, check_changes, spec_of
 from comcal.robot.changes_kinds import Realisation
-from comcal.robot.changes_table import EFFECTS
 from comcal.robot.changes_text import change_text
 from comcal.robot.model import Robot, Sense
 from comcal.robot.tree import Array
@@ -86,12 +85,7 @@ def rerun(
     RankError
         If the simulated robot stands in none of the poses.
     """
-    if source not in ENGINES:
-        raise UsageError(
-            f"{source!r} does not simulate",
-            where="--rerun",
-            next_step=f"give one of {', '.join(ENGINES)}",
-        )
+    check_engine(source)
     check_changes(changes, robot, "--rerun")
     plan = _plan(robot, table)
     every = np.arange(len(table))
@@ -192,19 +186,35 @@ def rerun_gain(
     return measure_gain(pairs[0], pairs[1], simulated["given"].notes[0], tuple(notes), rng)
 
 
+def check_engine(source: str) -> None:
+    """Make sure that a source can run models again.
+
+    Raises
+    ------
+    UsageError
+        If it is none of :data:`ENGINES`.
+    """
+    if source not in ENGINES:
+        raise UsageError(
+            f"{source!r} does not simulate",
+            where="--rerun",
+            next_step=f"give one of {', '.join(ENGINES)}",
+        )
+
+
 def physical(changes: Sequence[Change]) -> tuple[Change, ...]:
     """Return the changes that a physics engine is given: all but errors of readings alone."""
     return tuple(
         change
         for change in changes
-        if EFFECTS[change.effect].realisation in _PHYSICAL and change.effect != _READ_TOO_EARLY
+        if spec_of(change.effect).realisation in _PHYSICAL and change.effect != _READ_TOO_EARLY
     )
 
 
 def _not_simulated(changes: Sequence[Change]) -> Iterator[str]:
     """Yield the effects that no simulator can have, nor any reading be freed of."""
     for change in changes:
-        if EFFECTS[change.effect].realisation is Realisation.NONE:
+        if spec_of(change.effect).realisation is Realisation.NONE:
             yield change.effect
 
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from comcal.effects.extend import label
 from comcal.effects.registry import effects
 from comcal.robot.changes import Change
 from comcal.robot.changes_yaml import KnownChange
@@ -82,7 +81,7 @@ class Part:
     @property
     def name(self) -> str:
         """``effect@target``."""
-        return label(self.known.change)
+        return self.known.change.name
 
 
 def parts_of(robot: Robot, known: Iterable[KnownChange]) -> tuple[Part, ...]:

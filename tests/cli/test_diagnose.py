@@ -183,7 +183,9 @@ def test_what_the_paper_published_is_named_against_its_own_model(healthy, tmp_pa
     [
         (("--causes", "paylod"), "did you mean 'payload'?"),
         (("--causes", "payload,sign_flip"), "leave out --causes"),
+        (("--causes", "saturation"), "leave it out of --causes"),
         (("--drop", "977"), "there is no pose 977 to drop"),
+        (("--rerun", "gazebo"), "give one of pybullet, mujoco, builtin"),
         (("--model", "nowhere.yaml"), "nowhere.yaml"),
     ],
 )
@@ -196,6 +198,20 @@ def test_what_cannot_be_done_is_refused_before_anything_is_written(
     assert code == 2
     assert said in err
     assert sorted(results.iterdir()) == before
+
+
+def test_a_file_that_is_no_model_is_refused(healthy, run: Run) -> None:
+    robot_yaml = healthy.session / "robot.yaml"
+    code, _, err = run("diagnose", healthy.session, "--model", robot_yaml)
+    assert code == 2
+    assert f"{robot_yaml}:1: is no extended.yaml" in err
+    assert "got 'comcal-robot/1'" in err
+
+
+def test_without_a_cause_there_is_nothing_to_run_again(healthy, run: Run) -> None:
+    code, out, _ = run("diagnose", healthy.session, "--rerun", "builtin")
+    assert code == 0
+    assert "nothing to run again" in out
 
 
 def test_a_model_of_another_robot_is_refused(healthy, tmp_path, run: Run) -> None:

@@ -13,7 +13,7 @@ import pytest
 from comcal.measure.plan_csv import read_plan, write_plan
 from comcal.measure.session import open_session
 from comcal.robot.changes_text import parse_change
-from comcal.robot.changes_yaml import KnownChange, write_extension
+from comcal.robot.changes_yaml import KnownChange, extension_text
 from comcal.robot.description import load_robot
 from comcal.workflow.sealed import read_truth, truth_path
 from comcal_sims.robots.table1 import generate
@@ -123,7 +123,8 @@ def test_a_refused_folder_gets_no_truth_and_an_old_truth_is_kept(
 
 def test_an_extended_model_is_simulated(robot_yaml: Path, tmp_path: Path, run: Run) -> None:
     extended = tmp_path / "extended.yaml"
-    write_extension(extended, [KnownChange(parse_change(PAYLOAD), {"mass": 0.1})])
+    known = [KnownChange(parse_change(PAYLOAD), {"mass": 0.1})]
+    extended.write_text(extension_text(known), "utf-8")
     by_model = arguments(robot_yaml, tmp_path / "a", "--seed", "1", "--model", str(extended))
     by_effect = arguments(robot_yaml, tmp_path / "b", "--seed", "1", "--effect", PAYLOAD)
     assert run(*by_model)[0] == run(*by_effect)[0] == 0

@@ -14,7 +14,7 @@ import pytest
 
 from comcal.cli.main import main
 from comcal.robot.changes_text import parse_change
-from comcal.robot.changes_yaml import KnownChange, read_extension, write_extension
+from comcal.robot.changes_yaml import KnownChange, extension_text, read_extension
 from comcal.robot.urdf import read_urdf
 from comcal_sims.robots import biped14
 
@@ -37,7 +37,7 @@ def folder(tmp_path_factory) -> Path:
     plan = folder / "plan.csv"
     plan.write_text("\n".join([header, *chosen]) + "\n", "utf-8")
     known = [KnownChange(parse_change(text), sigma) for text, sigma in HIDDEN.items()]
-    write_extension(folder / "extended.yaml", known)
+    (folder / "extended.yaml").write_text(extension_text(known), "utf-8")
     for seed in (1, 2):
         words = ["record", str(robot), "-s", str(folder / f"s{seed}"), "--source", "builtin"]
         words += ["--poses", str(plan), "--seed", str(seed)]
@@ -160,7 +160,7 @@ def test_the_model_alone_goes_onto_the_urdf(folder, tmp_path, run) -> None:
 
 def test_a_model_of_another_robot_is_refused(folder, tmp_path, run) -> None:
     path = tmp_path / "other.yaml"
-    write_extension(path, [KnownChange(parse_change("payload@head:mass=1"))])
+    path.write_text(extension_text([KnownChange(parse_change("payload@head:mass=1"))]), "utf-8")
     code, _, err = run("solve", folder / "s2", "--model", path)
     assert code == 2
     assert "has no link 'head'" in err

@@ -133,7 +133,7 @@ def test_within_the_tables_of_body_parts_no_frame_is_blamed(doubted: Diagnosis) 
     """A torso whose CoM is 20 mm further ahead than in the tables would do the same."""
     assert doubted.verdict in (Verdict.EXPLAINED, Verdict.AMBIGUOUS)
     assert [c.name for c in doubted.causes] == ["inertia"]
-    assert doubted.misfit.p > 1e-3
+    assert doubted.misfit.chance > 1e-3
 
 
 def test_moment_is_the_row_that_gains(trusted: Diagnosis) -> None:

@@ -57,7 +57,7 @@ def test_excess_of_weight_is_all_that_is_found(diagnosis: Diagnosis, weight: Cau
     assert fz.after < 1.5
     assert weight.gain is not None
     assert weight.gain.is_real
-    assert diagnosis.misfit.p > 1e-3
+    assert diagnosis.misfit.chance > 1e-3
 
 
 def test_mass_and_gain_cannot_be_told_apart(diagnosis: Diagnosis, weight: Cause) -> None:

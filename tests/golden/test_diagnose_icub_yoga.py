@@ -132,7 +132,7 @@ def test_step_of_the_hip_sensor_is_there(of_the_log: dict[str, Array]) -> None:
 def test_step_stays_unexplained(diagnosis: Diagnosis) -> None:
     """Offsets that are as large as the step are long: hundreds of newtons were taken out first."""
     assert diagnosis.verdict is Verdict.UNEXPLAINED
-    assert diagnosis.misfit.p < 1e-10
+    assert diagnosis.misfit.chance < 1e-10
     left = {c.name: c for c in diagnosis.channels}
     worst = max(diagnosis.channels, key=lambda c: c.sigmas_after)
     assert worst.name.startswith("sensor right_leg F")

@@ -92,7 +92,7 @@ def test_motion_and_friction_come_first(found: tuple[Diagnosis, ...]) -> None:
 def test_all_that_is_found_together_leaves_noise(found: tuple[Diagnosis, ...]) -> None:
     _, last = found
     assert last.verdict is not Verdict.UNEXPLAINED
-    assert last.misfit.p > 1e-3
+    assert last.misfit.chance > 1e-3
 
 
 def test_inertia_of_the_urdf_is_felt(causes: dict[str, Cause]) -> None:

@@ -24,6 +24,7 @@ from comcal.predict.assumed import Assumed
 from comcal.robot.changes import Change, check_changes
 from comcal.robot.changes_table import EFFECTS
 from comcal.robot.changes_text import change_text
+from comcal.robot.healthy import draw_healthy
 from comcal.workflow.sealed import truth_path
 from comcal_sims.faults.support import hidden_changes, worlds_for
 from comcal_sims.robots import biped14
@@ -140,7 +141,7 @@ def healthy_tables(study: SimpleNamespace, few: Any) -> list[PoseTable]:
     """Readings of healthy robots."""
     tables = []
     for seed in range(2):
-        changes = study.world.healthy_changes(few.robot, np.random.default_rng([5, seed]))
+        changes = draw_healthy(few.robot, np.random.default_rng([5, seed]))
         tables.append(study.world.hidden_table(few, changes, 25, engine="builtin", seed=seed))
     return tables
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from comcal.diagnose.places import FAULTS
 from comcal.errors import UsageError
 from comcal.robot.changes import Change
-from comcal.robot.changes_text import parse_change
+from comcal.robot.changes_text import change_text, parse_change
+from comcal.robot.healthy import draw_healthy
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +29,7 @@ def test_healthy_robots_are_as_far_off_as_the_covariance_says(
     """The covariance comes from differences of simulated robots, one spread at a time."""
     squares = []
     for seed in range(4):
-        changes = study.world.healthy_changes(ruler.stage.robot, np.random.default_rng([1, seed]))
+        changes = draw_healthy(ruler.stage.robot, np.random.default_rng([1, seed]))
         table = study.world.hidden_table(ruler.stage, changes, 25, engine="builtin", seed=seed)
         rows = study.columns.rows_of(ruler.stage, table)
         squares.append(np.mean(ruler.whitened_of(rows.values, tuple(table.pose)) ** 2))
@@ -86,6 +89,8 @@ NOT_THE_SAME = (
     ("sign_flip@l_knee:channels=i", "torque_constant@l_knee:relative=-0.9"),
     ("payload@torso:mass=5", "link_mass@torso:mass=5"),
     ("external_contact@l_arm:force_x=1,poses=3", "external_contact@l_arm:force_x=2,poses=4"),
+    ("external_contact@l_arm:force_x=1", "external_contact@l_arm:force_x=1,poses=4"),
+    ("external_contact@l_arm:force_x=1,poses=4", "external_contact@l_arm:force_x=1"),
 )
 
 
@@ -99,11 +104,53 @@ def test_changes_are_the_same_if_they_do_the_same(
     assert study.judge.same_change(parse_change(one), parse_change(other)) is same
 
 
+def test_a_hand_in_a_pose_that_was_never_recorded_need_not_be_found(study: SimpleNamespace) -> None:
+    first, second = (
+        parse_change(f"external_contact@l_arm:force_x=20,poses={pose}") for pose in (3, 4)
+    )
+    both = parse_change("external_contact@l_arm:force_x=20,poses=3+4")
+    everywhere = parse_change("external_contact@l_arm:force_x=20")
+    assert study.judge.as_recorded(first, (1, 2, 4)) is None
+    assert study.judge.as_recorded(both, (1, 2, 4)) == second
+    assert study.judge.as_recorded(everywhere, (1, 2)) == everywhere
+
+
+@pytest.mark.parametrize("all_fell", [False, True])
+def test_poses_in_which_the_robot_fell_are_not_judged(
+    study: SimpleNamespace, monkeypatch: pytest.MonkeyPatch, all_fell: bool
+) -> None:
+    """Pose by pose: what was recorded and found is right, whatever was to be found besides."""
+    touched = tuple(
+        parse_change(f"external_contact@l_arm:force_x=20,point_z=-0.6,poses={pose}")
+        for pose in (3, 4)
+    )
+    case = study.lines.Case("upright", "builtin", touched)
+    monkeypatch.setattr(study.trial, "LINES", {"contact": lambda rng, engine: case})
+
+    fell = (3, 4) if all_fell else (4,)
+
+    def falls(stage: Any, *arguments: Any, **more: Any) -> Any:
+        stood = tuple(pose for pose in stage.poses if pose.pose not in fell)
+        return recorded(replace(stage, poses=stood), *arguments, **more)
+
+    recorded = study.world.hidden_table
+    monkeypatch.setattr(study.trial, "hidden_table", falls)
+    found = study.trial.run_trial("contact", 3, 0)
+    if all_fell:
+        assert "refused" in found
+        assert not study.rates.counts(found)
+        return
+    assert [entry["change"] for entry in found["truth"]] == [change_text(touched[0])]
+    assert rate(study, [found], "pose by pose").hits == 1
+
+
 def test_the_truth_of_a_parameter_has_the_healthy_part_in_it(study: SimpleNamespace) -> None:
     springs = [Change("joint_compliance", "l_knee", {"stiffness": k}) for k in (1e4, 1e5)]
     assert study.judge.total("stiffness", springs[0], springs) == pytest.approx(1 / 1.1e-4)
     masses = [Change("link_mass", "torso", {"mass": m}) for m in (2.0, -0.1)]
     assert study.judge.total("mass", masses[0], masses) == pytest.approx(1.9)
+    touches = [Change("external_contact", "l_arm", {"force_x": x, "poses": (x,)}) for x in (3, 4)]
+    assert study.judge.total("force_x", touches[0], touches) == pytest.approx(3.0)
 
 
 def record(line: str, verdict: str, *named: str, true: str = "payload@torso", **more: Any) -> Any:
@@ -151,6 +198,12 @@ def test_rates_count_what_they_say(study: SimpleNamespace) -> None:
     assert "crashed" in "\n".join(study.table.failures(records))
 
 
+def test_what_nothing_is_asked_of_is_no_failure(study: SimpleNamespace) -> None:
+    told = record("five_kg_no_currents", "explained", "payload@torso")
+    assert rate(study, [told], "no currents: link").hits == 1
+    assert not list(study.table.failures([told]))
+
+
 @pytest.mark.parametrize(("false", "n", "met"), [(0, 10, True), (2, 200, True), (5, 200, False)])
 def test_a_rate_is_met_if_its_interval_reaches_the_figure(
     study: SimpleNamespace, false: int, n: int, met: bool
@@ -167,6 +220,30 @@ def test_the_truth_in_the_set_counts_for_close_effects(study: SimpleNamespace) -
     assert rate(study, [close], "in the set, or alone").hits == 1
     close["groups"] = [["link_mass@torso", "payload@pelvis"]]
     assert rate(study, [close], "in the set, or alone").hits == 0
+
+
+@pytest.mark.parametrize(
+    ("place", "cause", "there", "named"),
+    [
+        (["sensor", "l_foot", ""], "ft_gain@l_foot", True, True),
+        (["sensor", "r_foot", ""], "ft_gain@r_foot", False, False),
+        (["encoder", "l_foot", ""], "payload@l_foot", False, False),
+    ],
+)
+def test_what_has_no_name_is_looked_for_where_it_acts(
+    study: SimpleNamespace, place: list[str], cause: str, there: bool, named: bool
+) -> None:
+    hidden = "unknown@l_foot:function=curvature,amplitude=3e-05"
+    said = record("unknown", "unexplained", true=hidden, place=place)
+    blamed = record("unknown", "explained", cause, true=hidden)
+    assert rate(study, [said], "place said is right").hits == there
+    assert rate(study, [said], "unexplained or its place").hits == 1
+    assert rate(study, [blamed], "unexplained or its place").hits == named
+
+
+def test_places_are_called_as_the_diagnosis_calls_them(study: SimpleNamespace) -> None:
+    assert set(study.judge.PLACES.values()) <= {*FAULTS, "sensor"}
+    assert study.judge.is_place("imu_curvature", "imu", ["IMU", "", ""])
 
 
 def test_trials_of_all_lines_come_early(study: SimpleNamespace) -> None:

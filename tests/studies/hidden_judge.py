@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
+from dataclasses import replace
 
 import numpy as np
 from hidden_scenario import scenario
@@ -25,7 +26,7 @@ PLACES = {
     "creep": "sensor",
     "sliding_mass": "link moment",
     "uneven_floor": "floor",
-    "imu_curvature": "imu",
+    "imu_curvature": "IMU",
 }
 """Where the functions outside the catalogue act."""
 EFFECTS_AT = {
@@ -42,9 +43,23 @@ EFFECTS_AT = {
     ),
     "link moment": ("payload", "link_mass", "link_com"),
     "floor": ("sole_compliance", "ground_tilt", "foot_placement"),
-    "imu": ("imu_mounting",),
+    "IMU": ("imu_mounting",),
 }
 """Effects of the catalogue that act there."""
+SINGLE = ("floor", "IMU")
+"""Places of which there is one, whatever the target."""
+
+
+def as_recorded(change: Change, poses: Container[int]) -> Change | None:
+    """Return what is hidden in the poses that were recorded; None if it is in none of them.
+
+    A pose in which the robot fell, or came to no rest, has no readings that could tell.
+    """
+    hidden_in = change.poses()
+    if hidden_in is None:
+        return change
+    seen = tuple(pose for pose in hidden_in if pose in poses)
+    return replace(change, parameters={**change.parameters, "poses": seen}) if seen else None
 
 
 def same_change(one: Change, other: Change) -> bool:
@@ -57,8 +72,11 @@ def same_change(one: Change, other: Change) -> bool:
         return other.effect in WIRING and _same_wiring(one, other)
     if (one.effect, one.target) != (other.effect, other.target):
         return False
-    if one.effect == "external_contact" and one.poses() is not None:
-        return set(one.poses() or ()) <= set(other.poses() or ())
+    if one.effect == "external_contact":
+        touched, said = one.poses(), other.poses()
+        if touched is None or said is None:
+            return touched is said
+        return set(touched) <= set(said)
     if one.effect == "frozen_sensor":
         return set(one.words("channels")) <= set(other.words("channels") or one.words("channels"))
     return True
@@ -112,33 +130,33 @@ def values_of(
 
 
 def total(key: str, truth: Change, changes: Sequence[Change]) -> float:
-    """Return the sum of a parameter over all changes of one effect at one target."""
-    same = [c for c in changes if (c.effect, c.target) == (truth.effect, truth.target)]
-    same = same or [truth]
+    """Return the sum of a parameter over all changes of one effect at one target, in one pose."""
+    place = truth.effect, truth.target, truth.poses()
+    same = [c for c in changes if (c.effect, c.target, c.poses()) == place] or [truth]
     if key == "stiffness":
         return 1.0 / sum(1.0 / c.number(key, np.inf) for c in same)
     return sum(c.number(key) for c in same)
 
 
-def in_right_place(
-    function: str, target: str, place: Sequence[str] | None, named: Sequence[str]
-) -> bool:
-    """Whether what is said of something outside the catalogue points at where it is.
+def is_place(function: str, target: str, place: Sequence[str]) -> bool:
+    """Whether something outside the catalogue acts where it is said to.
 
     Parameters
     ----------
     function, target : str
         The truth.
-    place : sequence of str or None
+    place : sequence of str
         Place and target that were said.
-    named : sequence of str
-        Causes, as ``effect@target``.
     """
     kind = PLACES[function]
-    if place is not None and place[0] == kind and (kind == "floor" or place[1] == target):
-        return True
-    for name in named:
-        effect, _, at = name.partition("@")
-        if effect in EFFECTS_AT[kind] and (kind in ("floor", "imu") or at in (target, ALL)):
-            return True
-    return False
+    return place[0] == kind and (kind in SINGLE or place[1] == target)
+
+
+def acts_there(function: str, target: str, named: Sequence[str]) -> bool:
+    """Whether a cause, ``effect@target``, was named where something outside the catalogue acts."""
+    kind = PLACES[function]
+    split = (name.partition("@") for name in named)
+    return any(
+        effect in EFFECTS_AT[kind] and (kind in SINGLE or at in (target, ALL))
+        for effect, _, at in split
+    )

@@ -150,7 +150,7 @@ def two(rng: np.random.Generator, engine: str) -> Case:
         if pairs[0] == pairs[1] or len(changes) < 2:
             continue
         apart = [
-            measure.left(pair, measure.difference((change,))[0], beside=(other,))[0]
+            measure.left(pair, *measure.difference((change,)), beside=(other,))[0]
             for pair, change, other in zip(pairs, changes, reversed(pairs), strict=True)
         ]
         if min(apart) >= CLEAR:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from hidden_judge import in_right_place
+from hidden_judge import acts_there, is_place
 from hidden_lines import CLEAR, LARGE, SMALL
 
 from comcal.identify.coverage import wilson_interval
@@ -76,6 +76,11 @@ class Rate:
         low, high = self.interval
         # The ends of the interval are rounded: 0 of n is met by `at most 0`.
         return high >= self.criterion.least - ROUNDING and low <= self.criterion.most + ROUNDING
+
+    @property
+    def is_asked_for(self) -> bool:
+        """Whether there is a figure to meet; else the rate is only told."""
+        return self.criterion.least > 0.0 or self.criterion.most < 1.0
 
 
 def counts(record: Record) -> bool:
@@ -157,8 +162,14 @@ def _unknown_found(record: Record) -> bool:
     change = parse_change(record["truth"][0]["change"])
     if record.get("verdict") == UNEXPLAINED:
         return True
-    function = change.words("function")[0]
-    return in_right_place(function, change.target, record.get("place"), names(record))
+    return acts_there(change.words("function")[0], change.target, names(record))
+
+
+def _place_found(record: Record) -> Sequence[bool]:
+    """Whether the place is the right one, where one is said."""
+    change = parse_change(record["truth"][0]["change"])
+    place = record.get("place")
+    return [] if place is None else [is_place(change.words("function")[0], change.target, place)]
 
 
 def _certain(record: Record) -> bool:
@@ -219,9 +230,6 @@ def _again(record: Record) -> Sequence[bool]:
     return [record.get("again") is not None and record["again"] <= 1.2]
 
 
-_singles = ("single", "close", "small", "again")
-_ft = ("half", "double", "family")
-
 CRITERIA: tuple[Criterion, ...] = (
     Criterion("s >= 15, d >= 8: named", ("single",), _if(_clear, right), 0.97),
     Criterion("s >= 15, d >= 8: alone and explained", ("single",), _if(_clear, _alone), 0.93),
@@ -245,6 +253,7 @@ CRITERIA: tuple[Criterion, ...] = (
         _always(_unknown_found),
         0.95,
     ),
+    Criterion("not in the catalogue: the place said is right", ("unknown",), _place_found),
     Criterion(
         "not in the catalogue, small: stated as certain",
         ("unknown_small",),

@@ -51,7 +51,7 @@ def _asked(rate: Rate) -> str:
 
 
 def _verdict(rate: Rate) -> str:
-    if rate.criterion.least == 0.0 and rate.criterion.most == 1.0:
+    if not rate.is_asked_for:
         return ""
     return "met" if rate.is_met else "missed"
 
@@ -101,9 +101,9 @@ def remarks(records: Sequence[Record], blind: Sequence[Pair]) -> Iterator[str]:
     again = [r["again"] for r in said if r.get("again") is not None]
     if again:
         yield f"run again in the engine: median {np.median(again):.2f} of noise and healthy spread"
-    refused = Counter(r["refused"].partition(":")[0] for r in records if "refused" in r)
+    refused = sum("refused" in r for r in records)
     if refused:
-        yield f"robots that could not be recorded: {sum(refused.values())}"
+        yield f"robots that could not be recorded: {refused}"
     fell = sum(r.get("fell", 0) for r in said)
     yield f"poses left out because the robot fell: {fell}"
     crashed = [r["crashed"] for r in records if "crashed" in r]
@@ -126,7 +126,7 @@ def _payload_errors(record: Record) -> list[tuple[float, float]]:
 
 def failures(records: Sequence[Record]) -> Iterator[str]:
     """Yield what went wrong, one line for each trial."""
-    judged = [rate.criterion for rate in rates(records)]
+    judged = [rate.criterion for rate in rates(records) if rate.is_asked_for]
     for record in records:
         if not counts(record):
             continue

@@ -11,11 +11,11 @@ from zlib import crc32
 
 import numpy as np
 from hidden_columns import rows_of
-from hidden_judge import same_change, values_of
+from hidden_judge import as_recorded, same_change, values_of
 from hidden_lines import LINES, Case, an_engine
 from hidden_ruler import ruler
 from hidden_scenario import scenario
-from hidden_world import healthy_changes, hidden_table, record, table_of, without_currents
+from hidden_world import hidden_table, record, table_of, without_currents
 
 from comcal.diagnose.diagnose import diagnose
 from comcal.diagnose.diagnosis import Diagnosis
@@ -25,6 +25,7 @@ from comcal.predict.assumed import Assumed
 from comcal.robot.changes import Change
 from comcal.robot.changes_table import EFFECTS
 from comcal.robot.changes_text import change_text
+from comcal.robot.healthy import draw_healthy
 
 Record = dict[str, Any]
 AGAIN_SEED = 1
@@ -54,12 +55,15 @@ def run_trial(line: str, master: int, index: int, engine: str = "") -> Record:
     """
     rng = generator(master, line, index)
     drawn = an_engine(rng)
-    case = LINES[line](rng, engine or drawn)
-    truth = [_truth(case, k) for k in range(len(case.hidden))]
     found: Record = {"line": line, "master": master, "index": index}
-    found |= {"engine": case.engine, "poses": case.poses, "note": case.note, "truth": truth}
+    try:
+        case = LINES[line](rng, engine or drawn)
+    except (ComcalError, LookupError, ArithmeticError, ValueError) as failure:
+        # Such as a robot that falls with it in every pose: told, and no reason to end the study.
+        return {**found, "refused": f"not drawn: {type(failure).__name__}: {failure}"}
+    found |= {"engine": case.engine, "poses": case.poses, "note": case.note, "truth": _truth(case)}
     robot = scenario().robot
-    changes = (*healthy_changes(robot, rng), *(() if case.published else case.hidden))
+    changes = (*draw_healthy(robot, rng), *(() if case.published else case.hidden))
     seed = int(rng.integers(2**31))
     stage, samples = scenario().stage(case.poses), scenario().samples
     try:
@@ -69,6 +73,10 @@ def run_trial(line: str, master: int, index: int, engine: str = "") -> Record:
     if not case.currents:
         table = without_currents(table)
     found["fell"] = len(stage.poses) - len(table)
+    seen = _recorded(case, table)
+    if case.hidden and not seen.hidden:
+        return {**found, "refused": "the robot stood in none of the poses that hide anything"}
+    found["truth"] = truth = _truth(seen)
     began = time.process_time()
     try:
         said = diagnose(_assumed(case), table)
@@ -76,8 +84,8 @@ def run_trial(line: str, master: int, index: int, engine: str = "") -> Record:
         return {**found, "crashed": f"{type(failure).__name__}: {failure}"}
     found["cpu"] = time.process_time() - began
     found |= _said(said)
-    found["named"] = [_cause(said, i, case.hidden, changes) for i in range(len(said.causes))]
-    for entry, change in zip(truth, case.hidden, strict=True):
+    found["named"] = [_cause(said, i, seen.hidden, changes) for i in range(len(said.causes))]
+    for entry, change in zip(truth, seen.hidden, strict=True):
         entry["found"] = [
             *(c.name for c in said.causes if same_change(change, c.change)),
             *(f.effect for f in said.findings if same_change(change, f.change)),
@@ -91,10 +99,19 @@ def _assumed(case: Case) -> Assumed:
     return Assumed(case.assumed, internal_torque=1.0 if case.published else 0.0)
 
 
-def _truth(case: Case, k: int) -> Record:
+def _recorded(case: Case, table: PoseTable) -> Case:
+    """Return the case with what was hidden in poses that are in the table."""
+    hidden = (as_recorded(change, table.pose) for change in case.hidden)
+    return replace(case, hidden=tuple(change for change in hidden if change is not None))
+
+
+def _truth(case: Case) -> list[Record]:
+    return [_hidden(case, k) for k in range(len(case.hidden))]
+
+
+def _hidden(case: Case, k: int) -> Record:
     change = case.hidden[k]
-    name = f"{change.effect}@{change.target}" if change.target else change.effect
-    entry: Record = {"name": name, "change": change_text(change)}
+    entry: Record = {"name": change.name, "change": change_text(change)}
     entry["realisation"] = EFFECTS[change.effect].realisation.value
     if k < len(case.sizes):
         size = case.sizes[k]
@@ -112,7 +129,7 @@ def _said(said: Diagnosis) -> Record:
             {"effect": f.effect, "target": f.target, "poses": list(f.poses)} for f in said.findings
         ],
         "place": None if place is None else [place.place, place.target, place.function],
-        "p": [said.misfit.p_before, said.misfit.p],
+        "p": [said.misfit.p_before, said.misfit.chance],
         "chi2": [said.misfit.chi2_before, said.misfit.chi2, said.misfit.dof],
         "scales": {family: float(scale) for family, scale in said.scales.items()},
         "advice": list(said.would_decide),

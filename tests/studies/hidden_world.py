@@ -22,7 +22,6 @@ from comcal.measure.source import Block, SourceRequest
 from comcal.measure.table import PoseTable
 from comcal.robot.changes import Change
 from comcal.robot.changes_text import change_text
-from comcal.robot.healthy import draw_healthy
 from comcal.robot.model import Robot, Sense
 from comcal.workflow.sources import open_source
 
@@ -31,9 +30,6 @@ RATE = 120.0
 """Samples per second of simulated sources."""
 NOTHING = Change("ground_tilt", "", {"roll": 0.0})
 """Hides nothing, and makes the source measure temperatures as it does otherwise."""
-
-STIFFEST = 1e9
-"""Largest stiffness that may be typed [N m/rad]."""
 
 Reading = tuple[PlannedPose, Block]
 
@@ -86,12 +82,6 @@ def table_of(stage: Stage, readings: Sequence[Reading]) -> PoseTable:
         path = Path(scratch) / "poses.csv"
         path.write_text(text.getvalue(), "utf-8")
         return read_poses(path, robot)
-
-
-def healthy_changes(robot: Robot, rng: np.random.Generator) -> tuple[Change, ...]:
-    """Draw a healthy robot; springs too stiff to be written down are none."""
-    drawn = draw_healthy(robot, rng)
-    return tuple(c for c in drawn if c.number("stiffness") < STIFFEST)
 
 
 def hidden_table(

@@ -6,13 +6,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from comcal.diagnose.diagnosis import Cause, Diagnosis, Finding, Verdict
-from comcal.report.diagnosis import CHANNELS_SHOWN, channel_text
+from comcal.report.diagnosis import CHANNELS_SHOWN
 from comcal.report.diagnosis_html.markup import Markup, element, joined, table
 from comcal.report.diagnosis_words import (
+    CHANNEL_HEADER,
     HELD_OUT_HEADER,
     blind_texts,
+    channel_rows,
     gain_summary,
     gain_text,
+    group_rows,
     held_out_rows,
     in_favour,
     parameter_texts,
@@ -83,14 +86,9 @@ def undecided_section(diagnosis: Diagnosis) -> Markup:
             element("p", place_text(diagnosis.place)),
         ]
     if diagnosis.groups:
-        rows = [
-            (rival.name, chance, summary_of(rival.effect))
-            for group in diagnosis.groups
-            for rival, (_, chance, _) in zip(group, rival_texts(group), strict=True)
-        ]
         parts += [
             element("h2", "These readings do not tell apart"),
-            table(("cause", "odds", ""), rows),
+            table(("cause", "odds", ""), group_rows(diagnosis)),
         ]
     if diagnosis.would_decide:
         parts += [element("h2", "What would decide"), listed(diagnosis.would_decide)]
@@ -111,7 +109,7 @@ def findings_section(findings: tuple[Finding, ...]) -> Markup:
         return joined()
     rows = [
         (
-            f"{finding.effect}@{finding.target}" if finding.target else finding.effect,
+            finding.change.name,
             finding.text,
             ", ".join(map(str, finding.poses)) or "all",
             finding.action,
@@ -130,26 +128,16 @@ def channels_section(diagnosis: Diagnosis) -> Markup:
     """Return the table of residuals by channel; empty without channels."""
     if not diagnosis.channels:
         return joined()
-    rows = [
-        (
-            channel.name,
-            channel_text(channel),
-            f"{channel.sigmas_before:.1f} -> {channel.sigmas_after:.1f}",
-            channel.follows or "-",
-            str(channel.worst) if channel.worst >= 0 else "-",
-        )
-        for channel in diagnosis.channels
-    ]
-    header = ("residual", "before -> after", "sigmas", "follows", "worst pose")
+    rows = channel_rows(diagnosis.channels)
     parts = [
         element("h2", "Residuals by channel"),
         element("p", "Root mean square over the poses; 1 sigma is what a healthy robot shows."),
-        table(header, rows[:CHANNELS_SHOWN]),
+        table(CHANNEL_HEADER, rows[:CHANNELS_SHOWN]),
     ]
     rest = rows[CHANNELS_SHOWN:]
     if rest:
         summary = element("summary", f"{len(rest)} more, smaller ones")
-        parts.append(element("details", summary, table(header, rest)))
+        parts.append(element("details", summary, table(CHANNEL_HEADER, rest)))
     return element("section", *parts)
 
 

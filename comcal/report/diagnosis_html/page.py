@@ -75,7 +75,7 @@ def comparison_page(subjects: Sequence[PageSubject]) -> str:
             s.title,
             s.diagnosis.verdict.value.replace("_", " "),
             ", ".join(cause.name for cause in s.diagnosis.causes) or "-",
-            f"{s.diagnosis.misfit.p:.2g}",
+            f"{s.diagnosis.misfit.chance:.2g}",
             _before_after(s.diagnosis),
             ", ".join(f"{name} {value}" for name, value in s.facts) or "-",
         )

@@ -41,7 +41,8 @@ imu_curvature [s^2/m], a + c a^2.
 
 def worlds_for(effect: str) -> tuple[str, ...]:
     """Return the names of the simulated sources that realise an effect."""
-    if EFFECTS[effect].realisation is Realisation.NONE:
+    spec = EFFECTS.get(effect)  # what another package brings is not simulated here
+    if spec is None or spec.realisation is Realisation.NONE:
         return ()
     return WORLDS[1:] if effect in _MOVING else WORLDS
 

@@ -97,7 +97,7 @@ def test_causes_of_an_unexplained_verdict_are_called_partial(diagnoses) -> None:
     assert "PARTIAL: more is wrong" in words
     assert "partial, not to be trusted: payload@torso" in words
     assert "encoder l_knee, as a function of sin(q)" in words
-    assert "p = 2e-29 < 0.0001" in words
+    assert "p = 4e-29 < 0.0001" in words
     assert "PARTIAL" not in words_of(diagnoses["explained"])
 
 

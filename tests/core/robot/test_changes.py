@@ -19,7 +19,7 @@ from comcal.robot.changes import Change, check_changes
 from comcal.robot.changes_kinds import EffectSpec, KeyKind, TargetKind
 from comcal.robot.changes_table import EFFECTS
 from comcal.robot.changes_text import change_text, parse_change
-from comcal.robot.changes_yaml import KnownChange, read_extension, write_extension
+from comcal.robot.changes_yaml import KnownChange, extension_text, read_extension
 from comcal.robot.healthy import draw_healthy, healthy_spreads
 from comcal.robot.model import Foot, Motor, Robot, Sensor, Tolerances
 from comcal.robot.tree import Joint, JointType, Link, Tree
@@ -134,8 +134,13 @@ def test_extended_yaml_is_read_back_to_the_last_bit(
         for c in changes
     )
     path = tmp_path_factory.mktemp("extended") / "extended.yaml"
-    write_extension(path, known)
+    path.write_text(extension_text(known), "utf-8")
     assert read_extension(path) == known
+
+
+def test_a_change_is_called_by_effect_and_target() -> None:
+    names = [parse_change(text).name for text in ("payload@torso:mass=5", "ground_tilt:roll=0.1")]
+    assert names == ["payload@torso", "ground_tilt"]
 
 
 def test_units_may_be_typed() -> None:
@@ -148,6 +153,7 @@ def test_units_may_be_typed() -> None:
     ("text", "words"),
     [
         ("paylod@torso:mass=5", "no effect 'paylod'; did you mean 'payload'"),
+        ("zzz@torso:mass=5", "no effect 'zzz'; there are ft_bias, ft_gain,"),
         ("payload@torso:mas=5", "no parameter 'mas'; did you mean 'mass'"),
         ("payload@torso:com_x=1", "payload lacks mass"),
         ("payload@torso", "no parameters here"),
@@ -180,7 +186,7 @@ def test_what_is_wrong_is_named(text: str, words: str) -> None:
         ("sign_flip@l_foot:channels=q", "no channel 'q'"),
         ("channel_swap@l_foot:channels=fx", "two channels"),
         ("channel_swap@hip:channels=i", "the other joint"),
-        ("frame_handedness@l_foot:axis=w", "no axi 'w'|no axis 'w'"),
+        ("frame_handedness@l_foot:axis=w", "there is no axis 'w'"),
     ],
 )
 def test_targets_are_checked_against_the_robot(robot: Robot, text: str, words: str) -> None:

@@ -11,6 +11,7 @@
     ├── DataError               3   the data cannot carry the answer (also ValueError)
     │   ├── NotFiniteError          NaN, infinite or empty cells
     │   ├── NotStillError           the robot moved during the window
+    │   ├── NotReachedError         the robot never came to a pose, or left it too early
     │   ├── UnitsError              numbers that look like degrees, millimetres, grams
     │   ├── SignError               a wrench of the wrong sign, or sensors exchanged
     │   ├── NotBalancedError        the wrench is not that of a body at rest
@@ -105,6 +106,10 @@ class NotFiniteError(DataError):
 
 class NotStillError(DataError):
     """The robot moved during the measuring window."""
+
+
+class NotReachedError(DataError):
+    """The robot never came to a pose, or left it before it could be measured."""
 
 
 class UnitsError(DataError):

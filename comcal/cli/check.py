@@ -20,18 +20,55 @@ EXIT_UNUSABLE = 3
 
 @click.command("check")
 @click.argument("robot", metavar="ROBOT.yaml", type=click.Path(path_type=Path))
+@click.option("--live", is_flag=True, help="Open a source, read, and judge what it sends.")
+@click.option(
+    "--source",
+    default="",
+    metavar="NAME[:ARG]",
+    help="With --live: which source [default: the one that ROBOT.yaml describes].",
+)
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=1, max=3600),
+    default=5.0,
+    show_default=True,
+    metavar="S",
+    help="With --live: how long to read.",
+)
+@click.option(
+    "--support",
+    default="double",
+    show_default=True,
+    metavar="FOOT",
+    help="With --live: what the robot stands on: double, none or a foot.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
-def check_command(robot: Path, as_json: bool) -> int:
+def check_command(
+    robot: Path, live: bool, source: str, seconds: float, support: str, as_json: bool
+) -> int:
     """Say what comcal understands of ROBOT.yaml and its URDF, and what is wrong with them.
 
     Sensors with what hangs below their cuts, feet, motors, mass, findings, and the physics engines
     that are installed. Nothing is written. Exit code 0: usable, perhaps with warnings; 2: a file
     is missing or wrong; 3: the description cannot be right.
 
+    With --live it says what a source sends instead: rate, losses, mean and scatter of every channel
+    against what ROBOT.yaml states, channels that are dead or frozen, the load on the feet against
+    the weight, units and signs, and whether the IMU reads gravity. Exit code 3: the readings cannot
+    be right; 4: a device does not answer.
+
     \b
-    Example:
+    Examples:
       comcal check robot.yaml
+      comcal check robot.yaml --live --source can
     """
+    if live:
+        from comcal.cli.check_live import run_live_check
+        from comcal.workflow.live_check import LiveOrder
+
+        return run_live_check(LiveOrder(robot, source, seconds, support), as_json=as_json)
+    if source:
+        raise click.UsageError("--source needs --live")
     import json
 
     from comcal.report.console import make_console
@@ -61,7 +98,7 @@ def _print(result: CheckResult, console: Console) -> None:
         print_table(console, [_foot_row(robot, foot) for foot in robot.feet.values()], header)
     console.print()
     for finding in result.findings:
-        _print_finding(finding, console)
+        print_finding(finding, console)
     _print_verdict(result, console)
 
 
@@ -131,7 +168,7 @@ def _foot_row(robot: Robot, foot: Foot) -> tuple[str, ...]:
     return foot.name, foot.link, measured, sole, foot.ankle or "none"
 
 
-def _print_finding(finding: Finding, console: Console) -> None:
+def print_finding(finding: Finding, console: Console) -> None:
     """Print one finding on a line: level, where, what, measured against limit, what to do."""
     from rich.text import Text
 

@@ -57,6 +57,11 @@ SUBCOMMANDS: dict[str, Subcommand] = {
         "Measure the poses of a plan into a session folder.",
         saved="session saved; the same command goes on where it stopped",
     ),
+    "tare": Subcommand(
+        "comcal.cli.tare:tare_command",
+        "Measure what unloaded force/torque sensors read.",
+        saved="nothing was changed",
+    ),
     "import": Subcommand(
         "comcal.cli.import_:import_command",
         "Make a session of a logger's CSV.",

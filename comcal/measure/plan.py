@@ -33,6 +33,8 @@ class PlannedPose:
     floor_roll, floor_pitch : float
         Slope on which the feet are to stand [rad], as in ``R_world_P = Ry(pitch) Rx(roll)``.
         Columns ``floor.roll`` and ``floor.pitch``.
+    revisit : str
+        Poses with an equal word here are repeats of one another. Empty: none.
     """
 
     pose: int
@@ -43,3 +45,4 @@ class PlannedPose:
     approach: Mapping[str, int] = field(default_factory=dict[str, int])
     floor_roll: float = 0.0
     floor_pitch: float = 0.0
+    revisit: str = ""

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reading and writing ``plan.csv``, the list of poses a robot is to be driven to.
 
-Columns: ``pose, configuration, tilt, support, floor.roll, floor.pitch, approach.<joint>...,
-q.<joint>...``; ``pose`` and every ``q`` are required. Since a plan moves a robot, a column that is
-not understood is refused, unlike in ``poses.csv``.
+Columns: ``pose, configuration, tilt, support, revisit, floor.roll, floor.pitch,
+approach.<joint>..., q.<joint>...``; ``pose`` and every ``q`` are required. Since a plan moves a
+robot, a column that is not understood is refused, unlike in ``poses.csv``.
 """
 
 from __future__ import annotations
@@ -18,7 +18,10 @@ from comcal.errors import ConfigError, MissingColumnError, NotFiniteError
 from comcal.measure.csv_file import CsvFile, Row, read_csv, write_csv
 from comcal.measure.plan import DOUBLE, PlannedPose
 
-PLAIN_COLUMNS = ("pose", "configuration", "tilt", "support", "floor.roll", "floor.pitch")
+PLAIN_COLUMNS = (
+    *("pose", "configuration", "tilt", "support", "revisit"),
+    *("floor.roll", "floor.pitch"),
+)
 DIRECTIONS = (-1, 0, 1)
 
 
@@ -110,13 +113,14 @@ def _planned_pose(
         approach=approach,
         floor_roll=number("floor.roll") or 0.0,
         floor_pitch=number("floor.pitch") or 0.0,
+        revisit=text("revisit"),
     )
 
 
 def write_plan(path: Path | str, poses: Sequence[PlannedPose], joint_names: Sequence[str]) -> None:
     """Write *poses* so that :func:`read_plan` gives them back exactly.
 
-    Columns that no pose uses (configuration, tilt, floor, approach) are left out.
+    Columns that no pose uses (configuration, tilt, revisit, floor, approach) are left out.
 
     Parameters
     ----------
@@ -138,6 +142,7 @@ def write_plan(path: Path | str, poses: Sequence[PlannedPose], joint_names: Sequ
         "configuration": any(pose.configuration for pose in poses),
         "tilt": any(pose.tilt is not None for pose in poses),
         "support": True,
+        "revisit": any(pose.revisit for pose in poses),
         "floor.roll": any(pose.floor_roll for pose in poses),
         "floor.pitch": any(pose.floor_pitch for pose in poses),
     }
@@ -150,6 +155,7 @@ def write_plan(path: Path | str, poses: Sequence[PlannedPose], joint_names: Sequ
             "configuration": pose.configuration,
             "tilt": pose.tilt,
             "support": pose.support,
+            "revisit": pose.revisit,
             "floor.roll": pose.floor_roll,
             "floor.pitch": pose.floor_pitch,
         }

@@ -94,6 +94,7 @@ def pose_row(
     approach: Mapping[str, int | None],
     *,
     with_floor: bool,
+    with_revisit: bool = False,
 ) -> dict[str, object]:
     """Return the row of one pose.
 
@@ -106,6 +107,8 @@ def pose_row(
     approach : mapping from joint name to int or None
     with_floor : bool
         Whether the plan has slopes, hence the table the columns ``floor.roll``, ``floor.pitch``.
+    with_revisit : bool
+        Whether the plan has repeats, hence the table the column ``revisit``.
 
     Returns
     -------
@@ -120,6 +123,8 @@ def pose_row(
         "tilt": pose.tilt,
         "support": pose.support,
     }
+    if with_revisit:
+        row["revisit"] = pose.revisit
     if with_floor:
         row |= {"floor.roll": pose.floor_roll, "floor.pitch": pose.floor_pitch}
     row |= {f"approach.{joint}": approach[joint] for joint in joints}

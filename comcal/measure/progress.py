@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+
+from comcal.measure.observe import Observation
+from comcal.measure.source import SourceStatus
 
 
 @dataclass(frozen=True)
@@ -71,10 +74,34 @@ class PoseRetried:
 
 @dataclass(frozen=True)
 class PoseSkipped:
-    """The robot did not become still the second time either; the pose has no row."""
+    """The robot did not become still the second time either; the pose has no row.
+
+    Parameters
+    ----------
+    pose : int
+    reason : str
+    by_operator : bool
+        Somebody chose to leave it out.
+    """
 
     pose: int
     reason: str
+    by_operator: bool = False
+
+
+@dataclass(frozen=True)
+class PoseObserved:
+    """A look at a real robot while a pose is waited for; comes several times per second."""
+
+    observation: Observation
+
+
+@dataclass(frozen=True)
+class PoseRepeated:
+    """Somebody wants the last finished pose measured again; its new row will be ``as_pose``."""
+
+    pose: int
+    as_pose: int
 
 
 @dataclass(frozen=True)
@@ -82,6 +109,13 @@ class PlanChanged:
     """The session was begun with a plan of other content; its finished poses were checked."""
 
     plan: str
+
+
+@dataclass(frozen=True)
+class SidesMissing:
+    """Joints by pose id that cannot be approached from the side demanded: there is no room."""
+
+    joints: Mapping[int, tuple[str, ...]]
 
 
 Event = (
@@ -92,6 +126,9 @@ Event = (
     | PoseRetried
     | PoseSkipped
     | PlanChanged
+    | PoseObserved
+    | PoseRepeated
+    | SidesMissing
 )
 OnEvent = Callable[[Event], None]
 
@@ -112,8 +149,11 @@ class RecordingSummary:
         Poses that were finished when it started.
     skipped : tuple of PoseSkipped
         Poses that never became still, with what was wrong.
+    status : SourceStatus or None
+        Of a source that counts, at the end.
     """
 
     recorded: tuple[int, ...]
     before: tuple[int, ...]
     skipped: tuple[PoseSkipped, ...]
+    status: SourceStatus | None = None

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -28,6 +29,9 @@ from comcal.robot.model import Robot
 from comcal.robot.tree import Array
 
 NANOSECONDS = 1_000_000_000
+QOS = {"offered_qos_profiles": ""}
+"""Demanded of every channel by the profile ``ros2`` of MCAP; empty: nobody published this, offer
+what is usual."""
 
 
 def raw_path(directory: Path, pose: int) -> Path:
@@ -55,6 +59,7 @@ class RawWriter:
         self._writer.start(profile="ros2", library="comcal")
         self._schemas: dict[str, int] = {}
         self._topics: dict[str, tuple[int, cdr.Layout]] = {}
+        self._words = topic_words([*robot.sensors, *robot.plates])
         sync_folder(path.parent)
 
     def write(self, block: Block) -> None:
@@ -98,7 +103,7 @@ class RawWriter:
             self._schemas[kind] = self._writer.register_schema(
                 kind, SchemaEncoding.ROS2, definition
             )
-        return self._writer.register_channel(topic, MessageEncoding.CDR, self._schemas[kind])
+        return self._writer.register_channel(topic, MessageEncoding.CDR, self._schemas[kind], QOS)
 
     def _streams(self, block: Block) -> list[tuple[str, str, cdr.Layout, Array]]:
         """Return topic, type, layout and numbers (n, k) of everything in *block*."""
@@ -112,15 +117,14 @@ class RawWriter:
             streams.append(("/motor_currents", cdr.JOINTS, layout, block.currents))
         for name, wrench in block.wrenches.items():
             layout = cdr.wrench_layout(self._frame(name))
-            streams.append((f"/ft/{_topic(name)}", cdr.WRENCH, layout, wrench))
+            streams.append((f"/ft/{self._words.get(name, name)}", cdr.WRENCH, layout, wrench))
         if block.imu is not None:
             layout = cdr.imu_layout(self._robot.imu_link or "")
             streams.append(("/imu", cdr.IMU, layout, block.imu))
         for name, degrees in (block.temperatures or {}).items():
             layout = cdr.temperature_layout(self._frame(name))
-            streams.append(
-                (f"/temperature/{_topic(name)}", cdr.TEMPERATURE, layout, degrees[:, None])
-            )
+            topic = f"/temperature/{self._words.get(name, name)}"
+            streams.append((topic, cdr.TEMPERATURE, layout, degrees[:, None]))
         return streams
 
     def _frame(self, name: str) -> str:
@@ -131,7 +135,30 @@ class RawWriter:
         return self._robot.plates[name].frame if name in self._robot.plates else ""
 
 
-def _topic(name: str) -> str:
-    """Make a ROS topic of a sensor's name: letters, digits and underscores, no leading digit."""
-    word = re.sub(r"\W", "_", name, flags=re.ASCII)
+def topic_words(names: Sequence[str]) -> dict[str, str]:
+    """Make parts of ROS topics of names.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of sensors and plates, each once.
+
+    Returns
+    -------
+    dict from name to str
+        Letters, digits and single underscores, no leading digit. No two are equal: a name that
+        ROS does not allow gives way to one that it does.
+    """
+    words = {name: _topic_word(name) for name in names}
+    found = {name: name for name, word in words.items() if word == name}
+    for name, word in words.items():
+        unique, number = word, 2
+        while name not in found and unique in found.values():
+            unique, number = f"{word}_{number}", number + 1
+        found.setdefault(name, unique)
+    return found
+
+
+def _topic_word(name: str) -> str:
+    word = re.sub(r"[\W_]+", "_", name, flags=re.ASCII)
     return f"_{word}" if word[:1].isdigit() else word

@@ -5,21 +5,31 @@ A pose is finished when its row is on the disk; its raw samples are there before
 recording loses at most the pose in progress. Resuming sends the robot to the pose before the next
 one first, so that every joint is approached from the same side as in one go: with a simulated
 source, which derives its noise from seed and pose, both give the same rows, bit by bit.
+
+At a real robot (:class:`~comcal.measure.guided.Guidance`) nobody is sent back: from which side each
+joint came is seen on its encoder.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from comcal.errors import ConfigError, HardwareError, NotStillError
+from comcal.errors import ConfigError, NotStillError
+from comcal.measure.counts import append_counts
+from comcal.measure.guard import GuardedCommander
+from comcal.measure.guided import Guidance, GuidedWait
+from comcal.measure.operator import Person, Wish
 from comcal.measure.plan import PlannedPose
-from comcal.measure.pose_row import approaches, cut, join, pose_row
+from comcal.measure.pose_row import approaches, pose_row
 from comcal.measure.progress import (
     OnEvent,
     PoseFinished,
+    PoseRepeated,
     PoseRetried,
     PoseSkipped,
     PoseStarted,
@@ -29,12 +39,10 @@ from comcal.measure.progress import (
 )
 from comcal.measure.raw import RawWriter, raw_path
 from comcal.measure.session import Session
-from comcal.measure.source import Block, Commander, Source
-from comcal.measure.still import StillCriterion, judge_stillness
+from comcal.measure.source import Commander, CountingSource, PoseAwareSource, Source
+from comcal.measure.still import StillCriterion
+from comcal.measure.waiting import Waited, wait_until_still
 from comcal.robot.model import Robot
-
-STEP = 0.2
-"""Seconds that are read between two looks for a still window."""
 
 
 @dataclass(frozen=True)
@@ -46,12 +54,11 @@ class _Task:
 
 
 @dataclass(frozen=True)
-class _Waited:
-    """The still window (None: there was none, for this reason) and how long it took [s]."""
+class _Outcome:
+    """What became of a pose; ``wish`` is that of somebody who cut it short."""
 
-    window: Block | None
-    seconds: float = 0.0
-    reason: str = ""
+    event: PoseFinished | PoseSkipped | None
+    wish: Wish | None = None
 
 
 def record(
@@ -62,6 +69,7 @@ def record(
     session: Session,
     criterion: StillCriterion | None = None,
     on_event: OnEvent = ignore,
+    guidance: Guidance | None = None,
 ) -> RecordingSummary:
     """Record every pose of the plan that the session does not have yet.
 
@@ -70,6 +78,8 @@ def record(
     robot : Robot
     source : Source
     commander : Commander
+        With *guidance*: a :class:`~comcal.measure.operator.Person` or a
+        :class:`~comcal.measure.guard.GuardedCommander`.
     plan : sequence of PlannedPose
     session : Session
         Poses noted there for repetition are measured again, under their new ids.
@@ -77,6 +87,8 @@ def record(
         None: the defaults.
     on_event : callable
         Called with what happens, as dataclasses of :mod:`comcal.measure.progress`.
+    guidance : Guidance or None
+        At a real robot. None: the robot is where it is sent at once, as in a simulation.
 
     Returns
     -------
@@ -90,15 +102,31 @@ def record(
     ConfigError
         If a finished pose is another one than that of the same number in the plan.
     HardwareError
-        If the source delivers nothing.
+        If the source delivers nothing, or a commanded robot is too fast.
     UsageError
         If a pose cannot be commanded, or another recording runs in the same session.
     KeyboardInterrupt
-        When interrupted; everything finished is saved.
+        When interrupted, or when the operator wants to quit; everything finished is saved.
     """
-    return _Recorder(
-        robot, source, commander, tuple(plan), session, criterion or StillCriterion(), on_event
-    ).run()
+    criterion = criterion or StillCriterion()
+    guided: GuidedWait | None = None
+    if guidance is not None:
+        if not isinstance(commander, Person | GuardedCommander):
+            raise TypeError("a guided recording needs a Person or a GuardedCommander")
+        guided = GuidedWait(robot, source, commander, criterion, guidance, on_event)
+    recorder = _Recorder(
+        robot, source, commander, tuple(plan), session, criterion, on_event, guidance, guided
+    )
+    with ExitStack() as stack:
+        if guidance is not None and guided is not None:
+            is_commanded = isinstance(commander, GuardedCommander)
+            stack.enter_context(guidance.operator.attend(guided.stop if is_commanded else None))
+        try:
+            return recorder.run()
+        except BaseException:
+            if guided is not None:
+                guided.stop()
+            raise
 
 
 @dataclass(frozen=True)
@@ -110,113 +138,98 @@ class _Recorder:
     session: Session
     criterion: StillCriterion
     on_event: OnEvent
+    guidance: Guidance | None = None
+    guided: GuidedWait | None = None
 
     def run(self) -> RecordingSummary:
         """Record; see :func:`record`."""
         with self.session.lock():
             before = self.session.finished_poses()
             self._check_finished()
-            tasks = self._tasks(before)
+            tasks = deque(self._tasks(before))
             self.on_event(RecordingStarted(len(before) + len(tasks), len(before)))
             recorded: list[int] = []
             skipped: list[PoseSkipped] = []
             standing: int | None = None
-            for task in tasks:
-                if task.index > 0 and standing != task.index - 1:
-                    self._wait(self.plan[task.index - 1], None)
+            while tasks:
+                task = tasks.popleft()
+                if self.guided is None and task.index > 0 and standing != task.index - 1:
+                    self._placed(self.plan[task.index - 1], None)
                 standing = task.index
                 outcome = self._pose(task)
-                if isinstance(outcome, PoseSkipped):
-                    skipped.append(outcome)
-                else:
+                if outcome.wish is Wish.QUIT:
+                    raise KeyboardInterrupt
+                if outcome.wish is Wish.REDO:
+                    tasks.appendleft(task)
+                    tasks.extendleft(self._repetition_of(recorded[-1:]))
+                if isinstance(outcome.event, PoseSkipped):
+                    skipped.append(outcome.event)
+                elif outcome.event is not None:
                     recorded.append(task.pose.pose)
-                self.on_event(outcome)
-        if skipped and not recorded and not before:
+                if outcome.event is not None:
+                    self.on_event(outcome.event)
+        never = [pose for pose in skipped if not pose.by_operator]
+        if never and not recorded and not before:
             raise NotStillError(
-                f"no pose became still, the first because of: {skipped[0].reason}",
-                where=f"pose {skipped[0].pose}",
+                f"no pose became still, the first because of: {never[0].reason}",
+                where=f"pose {never[0].pose}",
                 next_step="wait longer (--timeout), hold the robot stiffer, or relax the "
                 "criterion (--still-sd, --still-window, --arrival)",
             )
-        return RecordingSummary(tuple(recorded), before, tuple(skipped))
+        status = self.source.status() if isinstance(self.source, CountingSource) else None
+        return RecordingSummary(tuple(recorded), before, tuple(skipped), status)
 
-    def _pose(self, task: _Task) -> PoseFinished | PoseSkipped:
+    def _pose(self, task: _Task) -> _Outcome:
         """Record one pose, trying twice."""
         pose = task.pose
         self.on_event(PoseStarted(pose.pose))
-        waited = self._attempt(pose)
-        if waited.window is None:
+        waited = self._attempt(task)
+        if waited.window is None and waited.wish is None:
             self.on_event(PoseRetried(pose.pose, waited.reason))
-            waited = self._attempt(pose)
+            waited = self._attempt(task)
+        if waited.wish is Wish.SKIP:
+            skipped = PoseSkipped(pose.pose, "left out by the operator", by_operator=True)
+            return _Outcome(skipped, waited.wish)
+        if waited.wish is not None:
+            return _Outcome(None, waited.wish)
         if waited.window is None:
-            return PoseSkipped(pose.pose, waited.reason)
+            return _Outcome(PoseSkipped(pose.pose, waited.reason))
         previous = self.plan[task.index - 1] if task.index > 0 else None
         self.session.append_pose(
             pose_row(
                 pose,
                 waited.window,
                 self.robot,
-                approaches(pose, previous, self.robot.tree.joint_names),
+                waited.sides or approaches(pose, previous, self.robot.tree.joint_names),
                 with_floor=any(p.floor_roll or p.floor_pitch for p in self.plan),
+                with_revisit=any(p.revisit for p in self.plan),
             )
         )
-        return PoseFinished(pose.pose, waited.seconds, waited.window.t.size)
+        if isinstance(self.source, CountingSource):
+            append_counts(self.session.directory, pose.pose, self.source.status())
+        return _Outcome(PoseFinished(pose.pose, waited.seconds, waited.window.t.size))
 
-    def _attempt(self, pose: PlannedPose) -> _Waited:
-        with RawWriter(raw_path(self.session.directory, pose.pose), self.robot) as raw:
-            return self._wait(pose, raw)
+    def _attempt(self, task: _Task) -> Waited:
+        if isinstance(self.source, PoseAwareSource):
+            self.source.begin_pose(task.pose.pose)
+        with RawWriter(raw_path(self.session.directory, task.pose.pose), self.robot) as raw:
+            if self.guided is None or self.guidance is None:
+                return self._placed(task.pose, raw)
+            via = self.guidance.vias.get(self.plan[task.index].pose)
+            return self.guided.wait(task.pose, via, raw)
 
-    def _wait(self, pose: PlannedPose, raw: RawWriter | None) -> _Waited:
-        """Move to *pose* and read until the robot stands still there, or for too long."""
-        self.commander.move_to(pose)
-        needed = max(self.criterion.settle, self.criterion.window)
-        blocks = [self._read(needed, raw)]
-        start = float(blocks[0].t[0])
-        while True:
-            block = join(blocks)
-            judged = judge_stillness(block, self.robot, pose.support, self.criterion)
-            reason = judged.reason
-            if judged.window is not None:
-                window = cut(block, judged.window)
-                reason = self._distance(window, pose)
-                if not reason:
-                    return _Waited(window, float(window.t[-1]) - start)
-            if float(block.t[-1]) - start >= self.criterion.timeout:
-                return _Waited(None, reason=reason)
-            blocks = [*self._recent(blocks), self._read(STEP, raw)]
+    def _placed(self, pose: PlannedPose, raw: RawWriter | None) -> Waited:
+        return wait_until_still(self.robot, self.source, self.commander, pose, self.criterion, raw)
 
-    def _recent(self, blocks: Sequence[Block]) -> list[Block]:
-        """Drop blocks that are too old to matter for a window yet to come."""
-        c = self.criterion
-        t = np.concatenate([block.t for block in blocks])
-        longest = max(c.window, c.min_samples * float(np.median(np.diff(t))) if t.size > 1 else 0.0)
-        oldest = float(t[-1]) - c.settle - longest
-        return [block for block in blocks if float(block.t[-1]) > oldest]
-
-    def _read(self, duration: float, raw: RawWriter | None) -> Block:
-        block = self.source.read(duration)
-        if block.t.size == 0:
-            raise HardwareError(
-                "delivers no samples",
-                where=self.source.name,
-                next_step="check that its sensors are switched on and connected, then go on with "
-                "the same command",
-            )
-        if raw is not None:
-            raw.write(block)
-        return block
-
-    def _distance(self, window: Block, pose: PlannedPose) -> str:
-        """Say which joint has not arrived; empty if all have."""
-        distance = np.abs(window.q.mean(axis=0) - pose.q)
-        k = int(np.argmax(distance))
-        if distance[k] <= self.criterion.arrival:
-            return ""
-        joint = self.robot.tree.joint_names[k]
-        return (
-            f"joint {joint} is not where the plan wants it "
-            f"({distance[k]:.3g} rad (or m) off, limit {self.criterion.arrival:.3g})"
-        )
+    def _repetition_of(self, recorded: Sequence[int]) -> list[_Task]:
+        """Return the task that repeats the last recorded pose; none if there is no such pose."""
+        for pose in recorded:
+            new = plan_repetition(self.session, self.plan, pose)
+            self.on_event(PoseRepeated(pose, new))
+            return [
+                task for task in self._tasks(self.session.finished_poses()) if task.pose.pose == new
+            ]
+        return []
 
     def _check_finished(self) -> None:
         """Refuse a plan whose numbers mean other poses than those that are finished."""
@@ -245,3 +258,29 @@ class _Recorder:
                 i = index[new]
                 repeated.append(_Task(i, replace(self.plan[i], pose=new)))
         return tasks + sorted(repeated, key=lambda task: task.index)
+
+
+def plan_repetition(session: Session, plan: Sequence[PlannedPose], pose: int) -> int:
+    """Note that a finished pose is to be measured again, under the next free id.
+
+    Parameters
+    ----------
+    session : Session
+    plan : sequence of PlannedPose
+    pose : int
+        Finished. One that waits for its repetition already gets no other.
+
+    Returns
+    -------
+    int
+        The id of the repetition.
+    """
+    finished = session.finished_poses()
+    repetitions = session.repetitions()
+    while pose in repetitions:
+        pose = repetitions[pose]
+    if pose not in finished:
+        return pose
+    new = max((*finished, *repetitions.values(), *(planned.pose for planned in plan))) + 1
+    session.plan_repetition(pose, new)
+    return new

@@ -22,6 +22,10 @@ from comcal.robot.model import Robot
 __all__ = ["Session", "check_same_experiment", "create_session", "is_session", "open_session"]
 
 
+FRAMES = "can"
+"""Folder of raw frames, made by the source that receives them."""
+
+
 def create_session(
     directory: Path,
     robot: Robot,
@@ -188,10 +192,13 @@ def _begin(
 
 
 def _is_ours(directory: Path) -> bool:
-    """Whether a session may be in *directory*; the lock is the first file that we write."""
+    """Whether a session may be in *directory*; the lock is the first file that we write.
+
+    A source that keeps frames begins with them, before anybody knows whether it will work.
+    """
     if not directory.exists():
         return True
     if not directory.is_dir():
         return False
     names = {path.name for path in directory.iterdir()}
-    return not names or "session.yaml" in names or LOCK in names
+    return names <= {FRAMES} or "session.yaml" in names or LOCK in names

@@ -53,13 +53,31 @@ def distance_outside(point: Array, points: Array) -> float:
     >>> [distance_outside(np.array([x, 0.5]), square) for x in (0.9, 1.5)]
     [0.0, 0.5]
     """
+    return max(-distance_inside(point, points), 0.0)
+
+
+def distance_inside(point: Array, points: Array) -> float:
+    """Return how far *point* is from the edge of the convex hull of *points*; negative outside.
+
+    Parameters
+    ----------
+    point : array, shape (2,)
+    points : array, shape (n, 2)
+        Same unit as the result.
+
+    Examples
+    --------
+    >>> square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    >>> [distance_inside(np.array([x, 0.5]), square) for x in (0.75, 1.5)]
+    [0.25, -0.5]
+    """
     corners = convex_hull(points)
     edges = np.roll(corners, -1, axis=0) - corners
     to_point = np.asarray(point) - corners
     cross = edges[:, 0] * to_point[:, 1] - edges[:, 1] * to_point[:, 0]
-    if len(corners) > 2 and (cross >= 0.0).all():
-        return 0.0
+    is_inside = len(corners) > 2 and bool((cross >= 0.0).all())
     length = np.einsum("ij,ij->i", edges, edges)
     along = np.einsum("ij,ij->i", to_point, edges) / np.where(length > 0.0, length, 1.0)
     nearest = corners + np.clip(along, 0.0, 1.0)[:, None] * edges
-    return float(np.linalg.norm(point - nearest, axis=1).min())
+    distance = float(np.linalg.norm(point - nearest, axis=1).min())
+    return distance if is_inside else -distance

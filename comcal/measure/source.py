@@ -8,10 +8,10 @@ by name in the entry-point groups ``comcal.sources`` and ``comcal.commanders``.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from comcal.measure.plan import PlannedPose
 from comcal.robot.model import Robot
@@ -66,6 +66,46 @@ class Source(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class SourceStatus:
+    """How well the samples of a source arrive.
+
+    Parameters
+    ----------
+    rates : mapping from name to float
+        Samples (or frames) per second of every device, bus or channel, over the last seconds.
+    lost : mapping from name to int
+        What has been lost since the source was opened, by device and kind, such as
+        ``l_foot lost`` or ``can0 bus-off``. Counts only grow.
+    notes : tuple of str
+        What else somebody at the robot should know, in words, such as
+        ``can0: silent for 2.1 s, connecting again``.
+    """
+
+    rates: Mapping[str, float] = field(default_factory=dict[str, float])
+    lost: Mapping[str, int] = field(default_factory=dict[str, int])
+    notes: tuple[str, ...] = ()
+
+
+@runtime_checkable
+class CountingSource(Protocol):
+    """A source that counts what it loses; others simply lack :meth:`status`."""
+
+    def status(self) -> SourceStatus:
+        """Return the state now; cheap, callable at any time between two reads."""
+        ...
+
+
+@runtime_checkable
+class PoseAwareSource(Protocol):
+    """A source that keeps files of its own by pose; others simply lack :meth:`begin_pose`."""
+
+    def begin_pose(self, pose: int) -> None:
+        """Take note that what is read from now on belongs to *pose*; called at every attempt."""
+        ...
+
+
+@runtime_checkable
 class Commander(Protocol):
     """Something that moves the robot; by default a person, in simulation the simulator."""
 
@@ -77,6 +117,27 @@ class Commander(Protocol):
         UsageError
             If the pose lies outside the joint limits or is not in the planned list.
         """
+        ...
+
+
+class HardwareCommander(Commander, Protocol):
+    """A commander of a real robot, as the entry points of ``comcal.commanders`` make it.
+
+    :class:`comcal.measure.guard.GuardedCommander` stands before every one of them: what reaches
+    ``move_to`` here is a planned pose within the limits of the URDF. One whose robot exists in a
+    program only, and is in its pose at once, says so by an attribute ``is_emulated = True``: its
+    speed is then not watched.
+    """
+
+    def stop(self) -> None:
+        """Bring the robot to a halt where it is, now.
+
+        Callable at any time, repeatedly, and from another thread than ``move_to``.
+        """
+        ...
+
+    def close(self) -> None:
+        """Stop, and release what the commander holds; callable repeatedly."""
         ...
 
 
@@ -124,3 +185,31 @@ class SourceRequest:
     options: Mapping[str, object] | None = None
     directory: Path | None = None
     plan: tuple[PlannedPose, ...] = ()
+
+
+@dataclass(frozen=True)
+class CommanderRequest:
+    """What an entry point of ``comcal.commanders`` is called with; it returns the commander.
+
+    Parameters
+    ----------
+    robot : Robot
+        The nominal robot, with the limits of its URDF.
+    plan : tuple of PlannedPose
+        All poses that will ever be commanded, via-poses among them.
+    options : mapping
+        ``commanders.<name>`` of robot.yaml; empty where there is none.
+    speed : float
+        Largest speed of any joint [rad/s] or [m/s].
+    argument : str
+        What follows the colon in ``--commander NAME:ARGUMENT``.
+    source : Source or None
+        The open source of the same recording, for commanders that share its bus.
+    """
+
+    robot: Robot
+    plan: tuple[PlannedPose, ...]
+    options: Mapping[str, object] = field(default_factory=dict[str, object])
+    speed: float = 0.1
+    argument: str = ""
+    source: Source | None = None

@@ -10,17 +10,20 @@ has wandered during the second before.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from comcal.measure.cop import centers_of_pressure
+from comcal.measure.cop import CenterOfPressure, centers_of_pressure
 from comcal.measure.source import Block
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
 
 Mask = npt.NDArray[np.bool_]
+
+MM = ("mm", 1e3)
 
 LARGEST_GAP = 1.5
 """A window may last this much longer than its samples need; more of them were lost."""
@@ -140,6 +143,63 @@ def judge_stillness(
     return _explain(tests)
 
 
+@dataclass(frozen=True)
+class Motion:
+    """How much one signal moves now; all numbers in ``unit``.
+
+    Parameters
+    ----------
+    name, unit : str
+    sd, sd_limit : float
+        Standard deviation within the newest window.
+    drift, drift_limit : float
+        The larger of its change along the straight line and of the wandering of its moving mean.
+    """
+
+    name: str
+    unit: str
+    sd: float
+    sd_limit: float
+    drift: float
+    drift_limit: float
+
+    @property
+    def excess(self) -> float:
+        """The larger of both numbers over its limit; above 1 the signal is not still."""
+        return float(max(self.sd / self.sd_limit, self.drift / self.drift_limit))
+
+
+def newest_motion(
+    block: Block, robot: Robot, support: str, criterion: StillCriterion
+) -> tuple[Motion, ...]:
+    """Return how much everything moves in the newest window, what moves most first.
+
+    Parameters
+    ----------
+    block : Block
+    robot : Robot
+    support : str
+    criterion : StillCriterion
+
+    Returns
+    -------
+    tuple of Motion
+        Empty where *block* is too short for a window. A signal that is not finite has NaN.
+    """
+    length = window_length(block.t, criterion)
+    if length is None:
+        return ()
+    count = _settle_count(block.t, criterion, length)
+    found: list[Motion] = []
+    for s in _signals(block, robot, support, criterion, length):
+        mean, sd, change = _rolling(s.values, length)
+        wandering = float(np.ptp(mean[-count:]))
+        drift = max(abs(float(change[-1])), wandering) if np.isfinite(wandering) else np.nan
+        k = s.scale
+        found.append(Motion(s.name, s.unit, k * float(sd[-1]), k * s.sd, k * drift, k * s.drift))
+    return tuple(sorted(found, key=lambda m: -np.nan_to_num(m.excess, nan=np.inf)))
+
+
 def window_length(t: Array, criterion: StillCriterion) -> int | None:
     """Return the number of samples of a window, or None when *t* is too short for one.
 
@@ -192,18 +252,14 @@ def _tests(
     tests = [
         _Test("samples were lost: the window lasts", lasts, LARGEST_GAP * period * length, "s")
     ]
-    signals: list[_Signal] = []
-    for cop in centers_of_pressure(block, robot, support, length):
-        who = " + ".join(cop.sensors)
+    cops = centers_of_pressure(block, robot, support, length)
+    for cop in cops:
         lacking = criterion.min_force - _rolling(cop.force, length)[0]
-        what = f"{who} must carry {criterion.min_force:g} N, lacking are"
+        what = f"{' + '.join(cop.sensors)} must carry {criterion.min_force:g} N, lacking are"
         tests.append(_Test(what, lacking, 0.0, "N"))
-        signals += [
-            _Signal(f"CoP {axis} of {who}", xy, criterion.cop_sd, criterion.drift, "mm", 1e3)
-            for axis, xy in zip("xy", cop.xy.T, strict=True)
-        ]
-    rolled = [(s, *_rolling(s.values, length)) for s in signals or _raw(block, robot, criterion)]
-    count = max(round(criterion.settle / period) - length + 1, 1)
+    signals = _signals_of(cops, criterion) or _raw(block, robot, criterion)
+    rolled = [(s, *_rolling(s.values, length)) for s in signals]
+    count = _settle_count(t, criterion, length)
     for s, _, sd, _ in rolled:
         tests.append(_Test(f"standard deviation of {s.name}", sd, s.sd, s.unit, s.scale))
     for s, _, _, change in rolled:
@@ -212,6 +268,27 @@ def _tests(
         wandering = _excursion(mean, count)
         tests.append(_Test(f"wandering of {s.name}", wandering, s.drift, s.unit, s.scale))
     return tests
+
+
+def _signals(
+    block: Block, robot: Robot, support: str, criterion: StillCriterion, length: int
+) -> list[_Signal]:
+    cops = centers_of_pressure(block, robot, support, length)
+    return _signals_of(cops, criterion) or _raw(block, robot, criterion)
+
+
+def _signals_of(cops: Sequence[CenterOfPressure], criterion: StillCriterion) -> list[_Signal]:
+    """Return the components of the centres of pressure."""
+    return [
+        _Signal(f"CoP {a} of {' + '.join(c.sensors)}", xy, criterion.cop_sd, criterion.drift, *MM)
+        for c in cops
+        for a, xy in zip("xy", c.xy.T, strict=True)
+    ]
+
+
+def _settle_count(t: Array, criterion: StillCriterion, length: int) -> int:
+    """Return how many windows in a row must not wander."""
+    return max(round(criterion.settle / float(np.median(np.diff(t)))) - length + 1, 1)
 
 
 def _raw(block: Block, robot: Robot, criterion: StillCriterion) -> list[_Signal]:

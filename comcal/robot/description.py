@@ -99,6 +99,7 @@ def load_robot(
         tolerances=_tolerances(file),
         limits=Limits(**_given(file.limits)),
         sources=file.sources,
+        commanders=file.commanders,
         yaml_path=located.path,
         urdf_path=urdf_path,
     )

@@ -161,6 +161,7 @@ class Robot:
     tolerances: Tolerances = field(default_factory=Tolerances)
     limits: Limits = field(default_factory=Limits)
     sources: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    commanders: Mapping[str, Any] = field(default_factory=dict[str, Any])
     yaml_path: Path | None = None
     urdf_path: Path | None = None
 

@@ -227,6 +227,7 @@ class RobotFile(Section):
     noise: NoiseSection = NoiseSection()
     tolerances: TolerancesSection = TolerancesSection()
     sources: dict[Text, dict[str, Any]] = Field(default_factory=dict)
+    commanders: dict[Text, dict[str, Any]] = Field(default_factory=dict)
     limits: LimitsSection = LimitsSection()
 
     @model_validator(mode="after")

@@ -176,24 +176,6 @@ def test_a_missing_engine_names_the_line_to_type(
     assert "pip install 'comcal[sim]'" in capsys.readouterr().err
 
 
-def test_a_source_that_cannot_move_is_refused_and_closed(
-    folder: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    closed: list[bool] = []
-
-    class Log:
-        def close(self) -> None:
-            closed.append(True)
-
-    monkeypatch.setattr(EntryPoint, "load", lambda self: lambda request: Log())
-    assert main(arguments(folder, tmp_path / "s")) == 2
-    assert "cannot move" in capsys.readouterr().err
-    assert closed == [True]
-
-
 def test_every_source_of_this_project_is_installed() -> None:
     assert {"builtin", "pybullet", "mujoco"} <= set(sources.source_names())
 

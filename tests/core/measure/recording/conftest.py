@@ -4,15 +4,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from comcal.measure.operator import Wish
 from comcal.measure.plan import PlannedPose
 from comcal.measure.plan_csv import read_plan
-from comcal.measure.source import Block
+from comcal.measure.source import Block, SourceStatus
 from comcal.robot.description import load_robot
 from comcal.robot.model import Robot
 from comcal_sims.robots.table1 import generate
@@ -76,6 +78,90 @@ class FakeRobot:
 
     def close(self) -> None:
         self.t = np.nan
+
+
+class HandMoved:
+    """A source that only measures a robot which somebody moves: every joint towards ``goal``.
+
+    Parameters
+    ----------
+    robot : Robot
+    q : array, shape (n_joints,)
+        Where it stands at first.
+    """
+
+    name = "hand-moved 1.0"
+    rate = 125.0
+
+    def __init__(self, robot: Robot, q: np.ndarray) -> None:
+        self.robot = robot
+        self.q = np.array(q, dtype=np.float64)
+        self.goal = self.q.copy()
+        self.speed = 0.5
+        self.t = 0.0
+        self.reads = 0
+        self.lost = 0
+        self.poses: list[int] = []
+        self.on_read: Callable[[], None] = lambda: None
+        self.rng = np.random.default_rng(1)
+
+    def begin_pose(self, pose: int) -> None:
+        self.poses.append(pose)
+
+    def read(self, duration: float) -> Block:
+        self.on_read()
+        self.reads += 1
+        n = round(duration * self.rate)
+        q = np.empty((n, self.q.size))
+        for i in range(n):
+            way = self.goal - self.q
+            longest = np.abs(way).max()
+            self.q = self.q + way * (min(1.0, self.speed / self.rate / longest) if longest else 0.0)
+            q[i] = self.q
+        t = self.t + np.arange(1, n + 1) / self.rate
+        self.t = float(t[-1])
+        wrenches = {}
+        for name in self.robot.sensors:
+            w = np.zeros((n, 6))
+            w[:, 2] = WEIGHT / 2
+            w[:, 4] = -0.3 * (q[:, 0] - self.goal[0]) * WEIGHT / 2  # what moves shifts the CoP
+            w[:, 3] = -0.3 * np.abs(q - self.goal).max(axis=1) * WEIGHT / 2
+            noise = self.rng.standard_normal((n, 6)) * np.repeat([0.3, 0.03], 3)
+            wrenches[name] = w + noise
+        temperatures = {name: np.full(n, 30.0) + 0.01 * t for name in wrenches}
+        return Block(t, q, wrenches, temperatures=temperatures)
+
+    def status(self) -> SourceStatus:
+        return SourceStatus({"l_foot": 125.0}, {"l_foot": self.lost}, ())
+
+    def close(self) -> None:
+        self.t = np.nan
+
+
+class Scripted:
+    """An operator who wishes what the test puts into ``wishes``."""
+
+    def __init__(self) -> None:
+        self.wishes: list[Wish] = []
+        self.stop: Callable[[], None] | None = None
+
+    def attend(self, stop: Callable[[], None] | None) -> AbstractContextManager[object]:
+        self.stop = stop
+        return nullcontext()
+
+    def wish(self) -> Wish | None:
+        return self.wishes.pop(0) if self.wishes else None
+
+
+@pytest.fixture
+def hand(robot: Robot, plan: tuple[PlannedPose, ...]) -> HandMoved:
+    """A robot that stands 0.2 rad from the first pose of the plan."""
+    return HandMoved(robot, plan[0].q - 0.2)
+
+
+@pytest.fixture
+def operator() -> Scripted:
+    return Scripted()
 
 
 @pytest.fixture(scope="session")

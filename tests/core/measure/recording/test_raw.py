@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,11 @@ from mcap.reader import make_reader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from comcal.measure import cdr
-from comcal.measure.raw import RawWriter, raw_path
+from comcal.measure.raw import RawWriter, raw_path, topic_words
 from comcal.measure.source import Block
 from comcal.robot.model import Robot
 
@@ -145,3 +147,68 @@ def test_samples_of_an_interrupted_attempt_are_moved_aside(robot: Robot, tmp_pat
     write(path, robot, block_of(robot))
     assert path.with_name("pose_003.mcap.partial-1").read_bytes() == left
     assert len(decoded(path)["/imu"]) == 30
+
+
+def test_the_file_is_what_the_ros2_profile_of_mcap_demands(robot: Robot, tmp_path: Path) -> None:
+    path = write(tmp_path / "raw" / "pose_001.mcap", robot, block_of(robot), block_of(robot, 9, 1))
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+        count = sum(1 for _ in reader.iter_messages())
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == count == 39 * (len(robot.sensors) + 4)
+    assert len(summary.chunk_indexes) == 2
+    for chunk in summary.chunk_indexes:
+        assert set(chunk.message_index_offsets) == set(summary.channels)
+    for channel in summary.channels.values():
+        assert channel.message_encoding == "cdr"
+        assert channel.metadata["offered_qos_profiles"] == ""  # required; what it holds is not
+        schema = summary.schemas[channel.schema_id]
+        assert schema.encoding == "ros2msg"
+        assert schema.name.split("/")[1] == "msg"
+
+
+def test_every_type_is_defined_down_to_numbers() -> None:
+    """A viewer without ROS knows nothing but what is in the file."""
+    numbers = {"float64", "int32", "uint32", "string"}
+    for name, definition in cdr.DEFINITIONS.items():
+        parts = definition.split("=" * 80 + "\n")
+        known = {name} | {part.split("\n")[0].removeprefix("MSG: ") for part in parts[1:]}
+        used = {
+            line.split(" ")[0].partition("[")[0]
+            for part in parts
+            for line in part.splitlines()
+            if line and not line.startswith("MSG: ")
+        }
+        assert used <= known | numbers
+        assert len(known) == len(parts)
+
+
+def test_rosbags_opens_the_lone_file_as_a_recording(robot: Robot, tmp_path: Path) -> None:
+    path = write(tmp_path / "raw" / "pose_001.mcap", robot, block_of(robot))
+    with AnyReader([path]) as reader:
+        for connection, _, raw in reader.messages():
+            reader.deserialize(raw, connection.msgtype)
+        assert {topic.msgcount for topic in reader.topics.values()} == {30}
+        assert reader.duration == round(29 / 125 * 1e9) + 1
+
+
+def test_sensors_whose_names_ros_does_not_allow_keep_topics_of_their_own(
+    robot: Robot, tmp_path: Path
+) -> None:
+    names = ["l-foot", "l_foot", "l--foot", "7", "räder"]
+    assert topic_words(names) == {
+        "l-foot": "l_foot_2",
+        "l_foot": "l_foot",
+        "l--foot": "l_foot_3",
+        "7": "_7",
+        "räder": "r_der",
+    }
+    odd = replace(robot, sensors={name: robot.sensors["l_foot"] for name in names[:2]})
+    wrenches = {name: np.full((5, 6), float(k)) for k, name in enumerate(names[:2])}
+    block = Block(np.arange(1.0, 6.0), np.zeros((5, len(robot.tree.joint_names))), wrenches)
+    topics = decoded(write(tmp_path / "raw" / "pose_001.mcap", odd, block))
+    for name, value in (("l_foot_2", 0.0), ("l_foot", 1.0)):
+        assert {ros.wrench.force.x for _, ros in topics[f"/ft/{name}"]} == {value}

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parts of one sample brought together: by counter, first in first out, or byte by byte."""

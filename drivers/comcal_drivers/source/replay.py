@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Logs of frames as a source that can be sent to poses: ``--source replay:FILE``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from comcal.errors import ConfigError, UsageError
+from comcal.measure.plan import PlannedPose
+from comcal.measure.source import Block, SourceRequest, SourceStatus
+from comcal.robot.model import Robot
+from comcal_drivers.devices.commands import DeviceValues
+from comcal_drivers.devices.configuration import CanConfig, read_configuration
+from comcal_drivers.frames.logs import read_log
+from comcal_drivers.replay.seek import Order, PoseSeeker, SeekOptions
+from comcal_drivers.source.fitted import fitted
+from comcal_drivers.source.logs import FOLDER, devices_told
+from comcal_drivers.source.stream import SampleStream
+
+CHUNK = 20_000
+"""Frames that are decoded at once."""
+
+
+@dataclass
+class CanLog:
+    """One or more logs of frames, one after the other, as samples.
+
+    Parameters
+    ----------
+    path : Path
+        A log, or a folder of a session: then all its logs in the order of their first frames.
+    config : CanConfig
+    robot : Robot
+    told : mapping from device to values
+        What devices told when the logs were written.
+    """
+
+    path: Path
+    config: CanConfig
+    robot: Robot
+    told: Mapping[str, DeviceValues]
+    stream: SampleStream | None = None
+    torn: int = 0
+
+    @property
+    def name(self) -> str:
+        """The file or folder."""
+        return str(self.path)
+
+    def blocks(self, start: float) -> Iterator[Block]:
+        """Yield all samples from the beginning of the log.
+
+        What came earlier than *start* has to be read to know what comes later; it is yielded too.
+        """
+        del start
+        channel = self._channel()
+        with fitted(self.config) as config:
+            stream = SampleStream(config, self.robot, self.told)
+            self.stream, self.torn = stream, 0
+            for path in self._files():
+                log = read_log(path, CHUNK)
+                for batch in log:
+                    block = stream.feed({channel: batch})
+                    if block.t.size:
+                        yield block
+                self.torn += log.torn
+            block = stream.finish()
+            if block.t.size:
+                yield block
+
+    def _channel(self) -> str:
+        if len(self.config.buses) != 1:
+            raise ConfigError(
+                "a log is replayed of one bus, and robot.yaml has several",
+                where="sources.can: buses",
+                measured=f"{len(self.config.buses)}: {', '.join(self.config.buses)}",
+                next_step="leave one bus in robot.yaml, with the devices that are on it",
+            )
+        return next(iter(self.config.buses))
+
+    def _files(self) -> list[Path]:
+        if self.path.is_file():
+            return [self.path]
+        found = [(_first_stamp(path), path.name, path) for path in sorted(self.path.glob("*.log"))]
+        if not found:
+            raise UsageError(
+                "there are no logs of frames",
+                where=str(self.path),
+                next_step="give a log, or a session that was recorded from a bus",
+            )
+        return [path for _, _, path in sorted(found)]
+
+
+def _first_stamp(path: Path) -> float:
+    if path.stat().st_size == 0:
+        return np.inf
+    for batch in read_log(path, 1):
+        return float(batch.t[0])
+    return np.inf
+
+
+class ReplaySource:
+    """A log of frames as source and commander; see :class:`PoseSeeker`.
+
+    Parameters
+    ----------
+    log : CanLog
+    seeker : PoseSeeker
+    """
+
+    def __init__(self, log: CanLog, seeker: PoseSeeker) -> None:
+        self._log, self._seeker = log, seeker
+
+    @property
+    def name(self) -> str:
+        """The log."""
+        return f"frames of {self._log.path.name}"
+
+    def move_to(self, pose: PlannedPose) -> None:
+        """Go to where the robot stood in *pose*.
+
+        Raises
+        ------
+        NotReachedError
+            If it never stood there.
+        """
+        self._seeker.move_to(pose)
+
+    def read(self, duration: float) -> Block:
+        """Return the samples of the next *duration* seconds of the log."""
+        return self._seeker.read(duration)
+
+    def status(self) -> SourceStatus:
+        """Return what was lost in what has been read of the log so far."""
+        stream = self._log.stream
+        if stream is None:
+            return SourceStatus()
+        torn = {"torn lines": self._log.torn} if self._log.torn else {}
+        return SourceStatus({}, {**stream.lost, **torn}, stream.notes)
+
+    def close(self) -> None:
+        """Close the log."""
+        self._seeker.close()
+
+    def __enter__(self) -> ReplaySource:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def open_replay(request: SourceRequest) -> ReplaySource:
+    """Open a log of frames, to be understood as ``sources.can`` of robot.yaml says.
+
+    Parameters
+    ----------
+    request : SourceRequest
+        ``argument``: a log, a session that was recorded from a bus, or its folder ``can``.
+        ``options``: of ``sources.replay``: ``arrival``, ``stay``, ``order`` as of bags.
+
+    Raises
+    ------
+    UsageError
+        If there is no such log, or effects are asked for.
+    ConfigError
+        If ``sources.can`` is missing or wrong.
+    """
+    if request.effects:
+        raise UsageError(
+            "effects can be hidden in simulated robots only",
+            where="--effect",
+            next_step="leave it out, or take a simulated source",
+        )
+    path = Path(request.argument).expanduser()
+    if not request.argument or not path.exists():
+        raise UsageError(
+            "no log is given" if not request.argument else "there is no such log",
+            where=f"--source replay:{request.argument}",
+            next_step="type --source replay:FILE, with a log of frames or a session folder",
+        )
+    if (path / FOLDER).is_dir():
+        path = path / FOLDER
+    robot = request.robot
+    config = read_configuration(robot.sources.get("can", {}), robot)
+    folder = path if path.is_dir() else path.parent
+    log = CanLog(path, config, robot, devices_told(folder))
+    seeker = PoseSeeker(log, robot.tree.joint_names, request.plan, _options(request.options or {}))
+    return ReplaySource(log, seeker)
+
+
+def _options(given: Mapping[str, object]) -> SeekOptions:
+    known = {"arrival", "stay", "order"}
+    unknown = sorted(set(given) - known)
+    if unknown:
+        raise ConfigError(
+            f"sources.replay has no {unknown[0]!r}",
+            next_step=f"it has: {', '.join(sorted(known))}",
+        )
+    default = SeekOptions()
+    try:
+        return SeekOptions(
+            float(str(given.get("arrival", default.arrival))),
+            float(str(given.get("stay", default.stay))),
+            Order(given.get("order", default.order.value)),
+        )
+    except ValueError as error:
+        raise ConfigError(
+            f"sources.replay: {error}",
+            next_step="arrival and stay are numbers, order is planned or any",
+        ) from error

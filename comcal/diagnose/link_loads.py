@@ -82,7 +82,9 @@ def link_loads(assumed: Assumed, table: PoseTable, at: Parity) -> LinkLoads:
 
 def _rows(felt: Array, wrench: Array) -> Array:
     """Return what rows feel of a wrench on each link, (N, k, n_links, 6) by (N, n_links, 6)."""
-    return np.einsum("nkli,nli->nkl", felt, wrench).reshape(-1, wrench.shape[1])
+    found = np.einsum("nkli,nli->nkl", felt, wrench).reshape(-1, wrench.shape[1])
+    # Of a link whose place is not known: rows that feel it have no value, the others feel nothing.
+    return np.nan_to_num(found)
 
 
 def _felt(

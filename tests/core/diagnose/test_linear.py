@@ -40,3 +40,16 @@ def test_every_column_is_the_difference_of_all_residuals(biped14):
             scale = np.abs(wanted).max(axis=0) + 1e-9
             off = np.abs(found - wanted).max(axis=0) / scale
             assert (off < 2e-3).all(), (candidate.name, candidate.keys, off)
+
+
+def test_an_angle_that_is_not_known_spoils_only_rows_that_follow_it(biped14):
+    """A frozen encoder's readings are taken out; feet that do not feel the arm are still read."""
+    exact = biped14.measure(biped14.plan[::7])
+    table = biped14.noisy(exact, np.random.default_rng(2))
+    q = table.q.copy()
+    q[1:3, biped14.robot.tree.joint_names.index("r_shoulder")] = np.nan
+    at = Linear(Assumed(biped14.robot), replace(table, q=q))
+    known = np.isfinite(at.at.values)
+    assert 0 < np.count_nonzero(known[np.isin(at.at.pose, (1, 2))])
+    for candidate in candidates(biped14.robot, at.table):
+        assert np.isfinite(columns(candidate, at)[known]).all(), candidate.name

@@ -59,7 +59,11 @@ class SampleStream:
             SampleClock(config.clock, clock.period, join.modulus, step),
             len(joints),
         )
-        self._warmth: dict[str, float] = {}
+        self._warmth = {
+            device.name: np.nan
+            for device in config.every_device
+            if device.device.description.temperature is not None
+        }
 
     @property
     def told(self) -> dict[str, DeviceValues]:

@@ -239,7 +239,7 @@ def terminal(arguments: list[str]) -> Generator[Terminal, None, None]:
 
 
 def test_keys_and_the_live_table_on_a_real_terminal(folder: Path, tmp_path: Path) -> None:
-    with terminal(arguments(folder, tmp_path / "s", source="bench:4,8")) as screen:
+    with terminal(arguments(folder, tmp_path / "s", source="bench:4,20")) as screen:
         screen.until("wanted")
         screen.until("save and quit")
         screen.type("\x1b[A")  # an arrow key means nothing

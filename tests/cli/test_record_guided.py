@@ -189,6 +189,7 @@ class Terminal:
         self.before = termios.tcgetattr(theirs)
         self.theirs = theirs
         self.shown = ""
+        self._seen = 0
         self.process = subprocess.Popen(
             [sys.executable, str(SCRIPT), *arguments],
             stdin=theirs,
@@ -201,9 +202,9 @@ class Terminal:
     def until(self, words: str, seconds: float = 20.0) -> None:
         """Read until *words* were shown after what was waited for before."""
         end = time.monotonic() + seconds
-        start = len(self.shown)
-        while words not in self.shown[start:]:
+        while (at := self.shown.find(words, self._seen)) < 0:
             assert self._read(end - time.monotonic()), f"{words!r} not shown:\n{self.shown}"
+        self._seen = at + len(words)
 
     def type(self, keys: str) -> None:
         os.write(self.ours, keys.encode())

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from comcal.errors import ComcalError
 from comcal_drivers.emulator.faults import EXAMPLE, KINDS, fault_from
-from comcal_drivers.emulator.opening import ADAPTERS, MOVABLE, Options, opened
+from comcal_drivers.emulator.opening import ADAPTERS, Options, opened
 from comcal_drivers.emulator.parent import Leash
 
 PROCESS_ADAPTERS = tuple(name for name in ADAPTERS if name != "virtual")
@@ -54,6 +54,8 @@ def options_from(arguments: Sequence[str]) -> Options:
         If a fault cannot be understood.
     """
     given = _parser().parse_args(arguments)
+    # Who watches should not be told that thousands of samples were lost at every pose.
+    slot = given.slot if given.slot is not None else 0 if given.rate > 0.0 else Options.slot
     return Options(
         robot_yaml=given.robot_yaml,
         adapter=given.adapter,
@@ -64,11 +66,12 @@ def options_from(arguments: Sequence[str]) -> Options:
         effects=tuple(given.effect),
         rate=given.rate,
         length=given.length,
-        slot=given.slot,
+        slot=slot,
         started=given.started,
         pose=given.pose,
         move_time=given.move_time,
         fifo=given.fifo,
+        ports=given.ports,
         faults=tuple(fault_from(text) for text in given.fault),
         truth=given.truth,
     )
@@ -86,18 +89,28 @@ def _parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add("robot_yaml", type=Path, metavar="ROBOT.yaml")
     add("--adapter", choices=PROCESS_ADAPTERS, default=default.adapter)
-    add("--source", default=default.source, help=f"what is measured: {', '.join(MOVABLE)}")
+    add("--source", default=default.source, help="what is measured: builtin, pybullet, mujoco")
     add("--plan", type=Path, help="poses it knows; default: plan.csv beside ROBOT.yaml")
     add("--seed", type=int, default=default.seed, help="of the simulated noise")
     add("--no-noise", action="store_true", help="leave out the noise of the simulated source")
     add("--effect", action="append", default=[], help="hide an effect, as comcal record does")
     add("--rate", type=float, default=default.rate, help="times real time; 0: as fast as it goes")
     add("--length", type=float, help="seconds of a pose that are sent; default: no end, or 5")
-    add("--slot", type=int, default=default.slot, help="samples between the counters of two poses")
+    add(
+        "--slot",
+        type=int,
+        help=f"samples between the counters of two poses; default: they go on, or {default.slot} "
+        "if unpaced",
+    )
     add("--started", action="store_true", help="devices are started and polled already")
-    add("--pose", type=int, help="stand in this pose from the beginning")
+    add(
+        "--pose",
+        type=int,
+        help="where it stands at first; default: the first, or nowhere if unpaced",
+    )
     add("--move-time", type=float, default=default.move_time, help="seconds that a move takes")
     add("--fifo", type=int, default=default.fifo, help="frames an slcan adapter holds, then loses")
+    add("--ports", type=Path, metavar="DIR", help="where slcan ports appear; default: a new folder")
     add("--fault", action="append", default=[], help=f"{', '.join(KINDS)}; such as {EXAMPLE}")
     add("--truth", type=Path, help="write down what the faults did, as JSON lines")
     return parser

@@ -42,6 +42,15 @@ class _Held:
 
 
 @dataclass
+class _Silence:
+    """Until when somebody is silent, why, and the samples that are lost by it."""
+
+    until: float
+    armed: _Armed
+    lost: dict[str, set[int]] = field(default_factory=dict[str, set[int]])
+
+
+@dataclass
 class _Injection:
     """What is remembered between two samples."""
 
@@ -52,7 +61,7 @@ class _Injection:
     counts: dict[str, int] = field(default_factory=dict[str, int])
     clock: float = 0.0
     t: float = 0.0
-    muted: dict[str, float] = field(default_factory=dict[str, float])
+    muted: dict[str, _Silence] = field(default_factory=dict[str, "_Silence"])
     frames: int = 0
 
 
@@ -118,20 +127,35 @@ class Injector:
         now = self._now
         out = list[Frame | Outage]()
         t = now.t = frames[0].t if frames else now.t
+        self._end_silences(t)
         self._strike_bus(t, out)
         now.ticks += 1
         for (device, sample), group in groupby(frames, key=lambda f: (f.device, f.sample)):
             passing = list(group)
             if device in self._layouts and sample >= 0:
                 passing = self._strike_sample(self._layouts[device], passing)
-            if any(t < now.muted.get(who, -np.inf) for who in ("", device)):
+            silence = now.muted.get("") or now.muted.get(device)
+            if silence is not None:
+                silence.lost.setdefault(device, set()).add(sample)
                 continue
             for frame in passing:
                 self._emit(frame._replace(t=frame.t + now.clock), out)
         return out
 
+    def stamped(self, frames: Sequence[Frame]) -> list[Frame]:
+        """Return frames that do not go through here with the stamps of the clock as it is now."""
+        clock = self._now.clock
+        return [frame._replace(t=frame.t + clock) for frame in frames] if clock else list(frames)
+
     def release(self) -> list[Frame]:
-        """Return the frames that were held back: nothing comes after which they could come."""
+        """Return the frames that were held back: nothing comes after which they could come.
+
+        What is silent is so no longer: another pose begins.
+        """
+        self._end_silences(np.inf)
+        return self._released()
+
+    def _released(self) -> list[Frame]:
         late = [held.frame for held in self._now.held]
         self._now.held.clear()
         return late
@@ -141,17 +165,28 @@ class Injector:
     def _strike_bus(self, t: float, out: list[Frame | Outage]) -> None:
         for armed in self._armed:
             fault = armed.fault
-            if not fault.is_of_the_bus or not self._strikes(armed, self._now.ticks):
+            is_dead = fault.kind != "clock_step" and "" in self._now.muted
+            if not fault.is_of_the_bus or is_dead or not self._strikes(armed, self._now.ticks):
                 continue
             if fault.kind == "clock_step":
                 step = 1.0 if fault.by is None else fault.by
                 self._now.clock += step
                 self._note(armed, t=t, by=step)
                 continue
-            out.extend(self.release())
-            self._now.muted[""] = t + fault.duration * self._speed
+            out.extend(self._released())
+            self._now.muted[""] = _Silence(t + fault.duration * self._speed, armed)
             self._note(armed, t=t, duration=fault.duration)
             out.append(Outage(fault.kind, fault.duration))
+
+    def _end_silences(self, t: float) -> None:
+        """Write down what was lost in silences that are over."""
+        for who, silence in tuple(self._now.muted.items()):
+            if t < silence.until:
+                continue
+            del self._now.muted[who]
+            lost = {name: len(samples - {-1}) for name, samples in silence.lost.items() if name}
+            device = {"device": who} if who else {}
+            self._write(silence.armed.fault, **device, is_over=True, lost=lost)
 
     # Faults of one sample of one device
 
@@ -173,7 +208,8 @@ class Injector:
         fault, first = armed.fault, frames[0]
         where = {"device": layout.name, "sample": first.sample, "t": first.t}
         if fault.kind == "silence":
-            self._now.muted[layout.name] = self._now.t + fault.duration * self._speed
+            until = self._now.t + fault.duration * self._speed
+            self._now.muted[layout.name] = _Silence(until, armed)
             self._note(armed, **where, duration=fault.duration)
         elif fault.kind == "status":
             bit = self._status_bit(armed, layout)
@@ -256,6 +292,8 @@ class Injector:
 
     def _concerns(self, armed: _Armed, layout: DeviceLayout) -> bool:
         fault = armed.fault
+        if fault.kind == "silence" and layout.name in self._now.muted:
+            return False
         return fault.device in ("", layout.name) and can_have(fault.kind, layout)
 
     def _may(self, armed: _Armed) -> bool:
@@ -273,8 +311,11 @@ class Injector:
 
     def _note(self, armed: _Armed, **details: object) -> None:
         armed.done += 1
+        self._write(armed.fault, **details)
+
+    def _write(self, fault: Fault, **details: object) -> None:
         self._truth.note(
-            armed.fault.kind,
+            fault.kind,
             bus=self._bus,
             pose=self._now.pose,
             frame=self._now.frames,

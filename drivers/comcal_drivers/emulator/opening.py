@@ -20,7 +20,7 @@ from comcal.measure.plan_csv import read_plan
 from comcal.measure.source import SimulatedSource, SourceRequest
 from comcal.robot.description import load_robot
 from comcal.robot.model import Robot
-from comcal.workflow.sources import open_source
+from comcal.workflow.sources import open_source, source_names
 from comcal_drivers.canopen_setup.fit import fit_joint
 from comcal_drivers.devices.configuration import BusConfig, CanConfig, read_configuration
 from comcal_drivers.emulator.adapter import Adapter
@@ -32,11 +32,11 @@ from comcal_drivers.emulator.robot import Behaviour, EmulatedRobot, check_ids
 from comcal_drivers.emulator.server import Server
 from comcal_drivers.emulator.truth import TruthLog
 
-ADAPTERS = ("slcan", "socketcand", "virtual")
+ADAPTERS = ("slcan", "socketcand", "socketcan", "virtual")
 UNPACED_LENGTH = 5.0
 """How much of a pose is streamed at most without a pace [s of the robot's clock]."""
-MOVABLE = ("builtin", "pybullet", "mujoco")
-"""Sources, in order of preference for speed, that are meant."""
+MEASURING = frozenset({"can", "replay", "bag"})
+"""Sources of this package: they measure, perhaps on this very bus, and move nothing."""
 JOIN_PATIENCE = 5.0
 
 
@@ -47,7 +47,8 @@ class Options:
     Parameters
     ----------
     robot_yaml : Path
-        With ``sources.can``; interfaces and channels of its buses are not used.
+        With ``sources.can``; interfaces and channels of its buses are not used, but for the
+        channel of a bus behind the adapter ``socketcan``: the network interface.
     adapter : str
         One of :data:`ADAPTERS`.
     source : str
@@ -67,11 +68,14 @@ class Options:
     started : bool
         Whether the devices were started, and are polled, by somebody else on the bus.
     pose : int or None
-        In which the robot stands from the beginning; None: it stands nowhere and is silent.
+        In which the robot stands from the beginning; None: in the first of the plan, or, without a
+        pace, nowhere, and it is silent.
     move_time : float
         How long a move takes [s].
     fifo : int
         Frames that fit into an slcan adapter before it loses some; zero: it waits.
+    ports : Path or None
+        Folder in which the serial ports of slcan adapters appear; None: a new temporary one.
     faults : tuple of Fault
     truth : Path or None
         Where to write down what the faults did.
@@ -91,6 +95,7 @@ class Options:
     pose: int | None = None
     move_time: float = 0.0
     fifo: int = 0
+    ports: Path | None = None
     faults: tuple[Fault, ...] = ()
     truth: Path | None = None
 
@@ -145,24 +150,33 @@ def opened(options: Options, notice: Callable[[str], None]) -> Generator[Emulato
             clock_device=config.clock,
             notice=notice,
         )
-        if options.pose is not None:
-            server.stand(options.pose)
+        pose = options.pose
+        if pose is None and options.rate > 0.0 and plan:
+            pose = plan[0].pose
+        if pose is not None:
+            server.stand(pose)
         yield Emulator(server, {bus: adapters[bus].connection for bus in adapters})
 
 
 @dataclass
 class RunningEmulator:
-    """An emulator in a thread of this process, for hosts on python-can's virtual bus.
+    """An emulator in a thread of this process.
+
+    For hosts on python-can's virtual bus, which does not leave a process, and for tests that
+    cannot afford to start one.
 
     Use it as a context manager; entering returns what robot.yaml has to say of each bus.
 
     Parameters
     ----------
     options : Options
-        Its ``adapter`` is ``virtual``, whatever it says.
+        But for its ``adapter``.
+    adapter : str
+        One of :data:`ADAPTERS`.
     """
 
     options: Options
+    adapter: str = "virtual"
     _over: threading.Event = field(default_factory=threading.Event)
     _ready: threading.Event = field(default_factory=threading.Event)
     _thread: threading.Thread | None = None
@@ -196,7 +210,7 @@ class RunningEmulator:
     def _run(self) -> None:
         # Whatever goes wrong here is raised in the thread that entered.
         try:
-            options = replace(self.options, adapter="virtual")
+            options = replace(self.options, adapter=self.adapter)
             with opened(options, _to_stderr) as emulator:
                 self._connections = emulator.connections
                 self._ready.set()
@@ -224,11 +238,12 @@ def _configuration(robot: Robot, path: Path) -> CanConfig:
 
 def _source(options: Options, robot: Robot, plan: tuple[PlannedPose, ...]) -> SimulatedSource:
     name, _, argument = options.source.partition(":")
-    if name not in MOVABLE:
+    if name in MEASURING:
+        usable = [known for known in source_names() if known not in MEASURING]
         raise ConfigError(
             f"the source {name} cannot stand behind an emulated robot",
             where="--source",
-            next_step=f"use one of {', '.join(MOVABLE)}",
+            next_step=f"use one of {', '.join(usable)}",
         )
     request = SourceRequest(
         robot=robot,
@@ -253,11 +268,15 @@ def _adapter(options: Options, bus: BusConfig) -> Adapter:
     if options.adapter == "slcan":
         from comcal_drivers.emulator.slcan_adapter import SlcanAdapter
 
-        return SlcanAdapter(bus.name, bus.bitrate or 1_000_000, options.fifo)
+        return SlcanAdapter(bus.name, bus.bitrate or 1_000_000, options.fifo, options.ports)
     if options.adapter == "socketcand":
         from comcal_drivers.emulator.socketcand_adapter import SocketcandAdapter
 
         return SocketcandAdapter(bus.name)
+    if options.adapter == "socketcan":
+        from comcal_drivers.emulator.socketcan_adapter import SocketcanAdapter
+
+        return SocketcanAdapter(str(bus.channel), bus.bitrate or 1_000_000)
     from comcal_drivers.emulator.virtual_adapter import VirtualAdapter
 
     return VirtualAdapter(f"{options.robot_yaml}:{bus.name}")

@@ -21,6 +21,7 @@ from comcal.measure.still import StillCriterion
 from comcal.measure.waiting import STEP
 from comcal_drivers.emulator.device import EmulatedDevice, Stream
 from comcal_drivers.emulator.frame import Frame
+from comcal_drivers.emulator.models.canopen_drive import CanopenDrive
 
 COMMAND_ID, STATE_ID = 0x7F1, 0x7F2
 """Identifiers of the frames that move the robot, on every bus: from the host, to the host."""
@@ -28,6 +29,8 @@ MOVE, ABORT = 1, 2
 """Commands."""
 MOVING, ARRIVED, REFUSED = 1, 2, 3
 """States; the last one also after an abort, and for poses that cannot be taken."""
+NEAR = 2e-3
+"""Set-points that are so close to a pose mean it [rad]."""
 NOWHERE = 0xFFFF
 """Number of the pose in which a robot stands that was never told any."""
 SYNC = Frame(0x080)
@@ -125,11 +128,12 @@ class EmulatedRobot:
         self._buses = buses
         self._behaviour = behaviour or Behaviour()
         self._pose: int | None = None
+        self._taken: PlannedPose | None = None
         self._block: Block | None = None
         self._base = 0  # running number of the first sample of the pose
         self._begun = 0  # index, within the pose, of the first sample of the block
         self._row = 0  # of the next sample within the block
-        self._streams: dict[str, tuple[int, int, Stream]] = {}
+        self._streams: dict[EmulatedDevice, tuple[int, int, Stream]] = {}
         self._period = 1.0
 
     @property
@@ -149,6 +153,29 @@ class EmulatedRobot:
     def hear(self, bus: str, frame: Frame) -> list[Frame]:
         """Let all devices of a bus obey a frame; return their answers."""
         return [answer for device in self._buses.get(bus, ()) for answer in device.hear(frame)]
+
+    @property
+    def drives(self) -> list[CanopenDrive]:
+        """Drives that can be told a position."""
+        return [device for device in self.devices if isinstance(device, CanopenDrive)]
+
+    @property
+    def commanded(self) -> int | None:
+        """Number of the pose to which the drives were sent and have not come yet.
+
+        The robot knows the poses of its plan only: as long as the set-points of all drives
+        together are none of them, it stays where it is.
+        """
+        if all(drive.arrived for drive in self.drives):
+            return None
+        for number, pose in self._plan.items():
+            wanted = np.array(pose.q if self._taken is None else self._taken.q, dtype=np.float64)
+            for drive in self.drives:
+                if drive.target is not None:
+                    wanted[drive.column] = drive.target
+            if np.allclose(pose.q, wanted, atol=NEAR, rtol=0.0):
+                return number
+        return None
 
     def take(self, pose: int, planned_as: int | None = None) -> Move:
         """Stand in another pose.
@@ -170,7 +197,9 @@ class EmulatedRobot:
             self._pose = self._block = None
             return Move(pose, REFUSED, reason=str(error))
         self._base = pose * self._behaviour.slot if self._behaviour.slot else self.count
-        self._pose, self._block = pose, block
+        self._pose, self._block, self._taken = pose, block, planned
+        for drive in self.drives:
+            drive.arrive()
         self._period = float(np.median(np.diff(block.t))) if block.t.size > 1 else 1.0
         self._begun = self._row = 0
         self._streams.clear()
@@ -230,13 +259,13 @@ class EmulatedRobot:
 
     def _stream(self, device: EmulatedDevice, block: Block) -> tuple[Stream, int]:
         """Return the frames of a device, made anew where a command changed what they say."""
-        made = self._streams.get(device.name)
+        made = self._streams.get(device)
         end = 0 if made is None else made[1] + len(made[2].samples)
         if made is None or made[0] != device.revision or end <= self.count:
             rest = _from(block, self._row)
             stream = device.stream(rest, self.count, self._begun + self._row)
             made = (device.revision, self.count, stream)
-            self._streams[device.name] = made
+            self._streams[device] = made
         return made[2], self.count - made[1]
 
 

@@ -34,6 +34,8 @@ BURST = 64
 """Moments that are said in one round of the loop, at most."""
 DRAIN = 0.5
 """How long what is on its way may still arrive before the plug is pulled [s]."""
+QUIET = 0.02
+"""How long nothing was on its way when everything has arrived: kernels pass on in steps [s]."""
 BUS_OFF = 0x040
 """Class of the error frame."""
 
@@ -148,6 +150,9 @@ class Server:
                     self._send(bus, [a._replace(t=self._t) if a.t == 0.0 else a for a in answers])
                 else:
                     self._obey(*command, now)
+        commanded = self._robot.commanded
+        if commanded is not None and self._due is None:
+            self._obey(commanded, MOVE, None, now)
         if self._due is not None and now >= self._due.at:
             due, self._due = self._due, None
             self.stand(due.pose, due.planned_as)
@@ -206,7 +211,7 @@ class Server:
     def _send(self, bus: str, frames: Sequence[Frame]) -> None:
         line = self._lines[bus]
         if time.monotonic() >= line.dead_until:
-            line.adapter.send(frames)
+            line.adapter.send(line.injector.stamped(frames))
 
     def _say(self, frame: Frame) -> None:
         for bus in self._lines:
@@ -237,12 +242,14 @@ class Server:
 
     def _drain(self, adapter: Adapter) -> None:
         """Let a host that listens take what was sent before the plug is pulled."""
-        end = time.monotonic() + DRAIN
-        while adapter.is_open and time.monotonic() < end:
+        now = time.monotonic()
+        end, quiet_since = now + DRAIN, now
+        while adapter.is_open and now < end and now - quiet_since < QUIET:
             adapter.flush()
-            if not adapter.backlog and not getattr(adapter, "unread", 0):
-                return
             time.sleep(VIRTUAL_PATIENCE)
+            now = time.monotonic()
+            if adapter.backlog or getattr(adapter, "unread", 0):
+                quiet_since = now
 
     def _revive(self, now: float) -> None:
         for line in self._lines.values():

@@ -11,6 +11,7 @@ import tty
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from comcal.errors import UsageError
 from comcal_drivers.emulator.frame import Frame
 from comcal_drivers.emulator.outbox import Outbox
 from comcal_drivers.emulator.slcan_protocol import (
@@ -39,13 +40,30 @@ class SlcanAdapter:
     fifo : int
         Frames that fit into the adapter; more are lost and noted in the status flags. Zero: the
         bus waits for the host.
+    directory : Path, optional
+        Where the port is, called as the bus is; a new temporary one otherwise.
+
+    Raises
+    ------
+    UsageError
+        If something else than a port is there, or there is no such directory.
     """
 
-    def __init__(self, bus: str, bitrate: int = 1_000_000, fifo: int = 0) -> None:
+    def __init__(
+        self, bus: str, bitrate: int = 1_000_000, fifo: int = 0, directory: Path | None = None
+    ) -> None:
         self._bitrate = bitrate
         self._fifo = fifo
-        self._directory = Path(tempfile.mkdtemp(prefix="comcal-emulator-"))
+        self._is_temporary = directory is None
+        self._directory = directory or Path(tempfile.mkdtemp(prefix="comcal-emulator-"))
         self._port = self._directory / bus
+        if not self._directory.is_dir() or (self._port.exists() and not self._port.is_symlink()):
+            raise UsageError(
+                "no serial port can be made here",
+                where=str(self._port),
+                next_step="name another folder that exists",
+            )
+        self._port.unlink(missing_ok=True)  # of an emulator that was killed
         self._master = self._slave = -1
         self._channel = SlcanChannel()
         self._outbox = Outbox(self._write)
@@ -142,7 +160,7 @@ class SlcanAdapter:
     def close(self) -> None:
         """Hang up and remove the port."""
         self.disconnect()
-        if self._directory.is_dir():
+        if self._is_temporary and self._directory.is_dir():
             self._directory.rmdir()
 
     def _write(self, text: bytes) -> int:

@@ -52,9 +52,10 @@ class SocketcandAdapter:
 
     def __init__(self, bus: str) -> None:
         self._bus = bus
-        self._port = 0
-        self._listener: socket.socket | None = None
         self._clients = list[_Client]()
+        self._listener = _bound(0)
+        self._port = int(self._listener.getsockname()[1])
+        self._is_listening = False
         self.connect()
 
     @property
@@ -82,7 +83,7 @@ class SocketcandAdapter:
         """The listening socket and all connections."""
         reading = [c.connection.fileno() for c in self._clients if not c.pauses]
         writing = [c.connection.fileno() for c in self._clients if len(c.outbox)]
-        if self._listener is not None:
+        if self._is_listening:
             reading.append(self._listener.fileno())
         return reading, writing
 
@@ -115,30 +116,31 @@ class SocketcandAdapter:
 
     def disconnect(self) -> None:
         """Close all connections and refuse new ones."""
+        # The door first: whoever is thrown out may be back before it is shut.
+        if self._is_listening:
+            self._is_listening = False
+            self._listener.close()
+            # Nobody else may take the port meanwhile; nor may a host that tries in a tight loop get
+            # it for its own end, and be connected to itself.
+            self._listener = _bound(self._port)
         for client in tuple(self._clients):
             self._drop(client)
-        if self._listener is not None:
-            self._listener.close()
-            self._listener = None
 
     def connect(self) -> None:
         """Listen, on the same port as before."""
-        if self._listener is not None:
-            return
-        listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind((HOST, self._port))
-        listener.listen()
-        listener.setblocking(False)
-        self._port = int(listener.getsockname()[1])
-        self._listener = listener
+        if not self._is_listening:
+            self._listener.listen()
+            self._is_listening = True
 
     def note_bus_off(self) -> None:
         """Nothing: the error frame itself tells."""
 
     def close(self) -> None:
         """Close everything."""
-        self.disconnect()
+        for client in tuple(self._clients):
+            self._drop(client)
+        self._is_listening = False
+        self._listener.close()
 
     def _read(self, client: _Client) -> list[Frame]:
         """Return the frames that one client sent.
@@ -165,7 +167,7 @@ class SocketcandAdapter:
         return frames
 
     def _greet(self) -> None:
-        while self._listener is not None:
+        while self._is_listening:
             try:
                 connection, _ = self._listener.accept()
             except OSError:  # nobody there
@@ -180,3 +182,12 @@ class SocketcandAdapter:
         with contextlib.suppress(OSError):
             client.connection.close()
         self._clients.remove(client)
+
+
+def _bound(port: int) -> socket.socket:
+    """Return a socket that holds a port of the loopback interface, any for 0, and refuses hosts."""
+    holder = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    holder.bind((HOST, port))
+    holder.setblocking(False)
+    return holder

@@ -67,12 +67,17 @@ class Biped:
         return CanConfig(buses, sensors, joints, None, devices[0].name)
 
     def emulated(
-        self, *devices: DeviceConfig, started: bool = True, seed: int = 1, **behaviour: float
+        self,
+        *devices: DeviceConfig,
+        started: bool = True,
+        seed: int = 1,
+        plan: tuple[PlannedPose, ...] = (),
+        **behaviour: float,
     ) -> EmulatedRobot:
         """A robot with these devices, which stands nowhere yet."""
         buses = emulate_all(self.config(*devices), self.robot, started=started)
         source = open_source("builtin", SourceRequest(self.robot, seed))
-        return EmulatedRobot(source, self.plan, buses, replace(Behaviour(), **behaviour))
+        return EmulatedRobot(source, plan or self.plan, buses, replace(Behaviour(), **behaviour))
 
 
 SOURCES = """

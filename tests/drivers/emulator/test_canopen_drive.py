@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import canopen
@@ -12,6 +14,7 @@ import pytest
 from canopen.sdo import SdoAbortedError
 
 from comcal.measure.source import Block
+from comcal_drivers.canopen_setup.fit import fit_joint
 from comcal_drivers.emulator.frame import Frame
 from comcal_drivers.emulator.models.canopen_drive import CanopenDrive
 from comcal_drivers.emulator.registry import emulate
@@ -121,6 +124,73 @@ def test_the_state_machine_of_cia_402_leads_to_a_set_point(
     write(remote, 0x6040, "<H", 0x0B)  # quick stop
     assert status(remote) & 0x6F == 0x07
     assert drive.target is None
+
+
+def test_set_points_of_a_planned_pose_move_the_robot(biped: Any) -> None:
+    names = biped.robot.tree.joint_names
+    joints = ("l_hip_pitch", "l_knee")
+    drives = [biped.drive("cia402", j, ids={"node": k}) for k, j in enumerate(joints, start=1)]
+    here = biped.plan[0]
+    other = np.array(here.q)
+    columns = [names.index(joint) for joint in joints]
+    other[columns] += 0.02, -0.03
+    robot = biped.emulated(*drives, plan=(here, replace(here, pose=77, q=other)))
+    robot.take(here.pose)
+    for drive in robot.drives:
+        assert robot.commanded is None
+        remote = canopen.RemoteNode(drive.node, canopen.ObjectDictionary())
+        Wire(drive).add_node(remote)
+        write(remote, 0x6060, "<b", 1)
+        for word in (0x06, 0x07, 0x0F):
+            write(remote, 0x6040, "<H", word)
+        write(remote, 0x607A, "<i", round(other[drive.column] / (2 * np.pi) * 4096 * 50))
+        write(remote, 0x6040, "<H", 0x1F)
+    assert robot.commanded == 77
+    robot.take(77)
+    assert robot.commanded is None
+    assert all(drive.arrived for drive in robot.drives)
+
+
+def eds() -> str:
+    """A drive that sends current and a manufacturer's object before the position, on SYNC."""
+
+    def variable(section: str, kind: int, value: str) -> str:
+        return (
+            f"[{section}]\nParameterName=x\nObjectType=0x7\nDataType={kind}\nAccessType=rw\n"
+            f"DefaultValue={value}\nPDOMapping=1\n"
+        )
+
+    def record(index: int, values: list[tuple[int, str]]) -> str:
+        head = f"[{index:04X}]\nParameterName=x\nObjectType=0x9\nSubNumber={len(values)}\n"
+        return head + "".join(
+            variable(f"{index:04X}sub{k}", kind, value) for k, (kind, value) in enumerate(values)
+        )
+
+    text = "[DeviceInfo]\nVendorName=Test\n" + variable("1017", 6, "0")
+    for index, kind in ((0x2027, 3), (0x6041, 6), (0x6064, 4), (0x6078, 3)):
+        text += variable(f"{index:04X}", kind, "0")
+    text += record(0x1801, [(5, "2"), (7, "$NODEID+0x280"), (5, "1")])
+    mapping = ("0x60780010", "0x20270010", "0x60640020")
+    return text + record(0x1A01, [(5, "3"), *((7, value) for value in mapping)])
+
+
+def test_a_drive_with_an_eds_sends_and_tells_what_the_eds_says(biped: Any, tmp_path: Path) -> None:
+    path = tmp_path / "drive.eds"
+    path.write_text(eds())
+    joint = fit_joint(biped.drive("cia402", ids={"node": NODE}, eds=path), tmp_path)
+    drive = emulate(joint, biped.robot, started=True)
+    assert isinstance(drive, CanopenDrive)
+    assert drive.follows_sync
+    q, i = np.full((2, 14), 0.5), np.full((2, 14), -2.0)
+    frame = drive.stream(Block(np.arange(2) / 100.0, q, {}, currents=i), 0, 0).samples[0][0]
+    assert frame.id == 0x280 + NODE
+    counts = round(0.5 / (2 * np.pi) * 4096 * 50)
+    assert struct.unpack("<hhi", frame.data) == (-200, 0, counts)  # per mille of 10 A
+    node = canopen.RemoteNode(NODE, canopen.ObjectDictionary())
+    Wire(drive).add_node(node)
+    told = [struct.unpack("<I", node.sdo.upload(0x1A01, k))[0] for k in (1, 2, 3)]
+    assert told == [0x60780010, 0x20270010, 0x60640020]
+    assert node.sdo.upload(0x1801, 2) == b"\x01"
 
 
 def test_an_epos_has_no_rated_current_and_follows_sync(biped: Any) -> None:

@@ -155,6 +155,8 @@ def test_an_outage_swallows_its_duration(biped: Any, tmp_path: Path, kind: str) 
     assert [i for i in run.out if isinstance(i, Outage)] == [Outage(kind, 0.5)]
     there = {f.sample - FIRST for f in run.frames}
     assert there == set(range(50)) | set(range(110, SAMPLES))
+    assert run.truth[1]["is_over"]
+    assert run.truth[1]["lost"] == {"l_foot": 60, "r_foot": 60}
 
 
 def test_one_device_may_be_silent_alone(biped: Any, tmp_path: Path) -> None:
@@ -162,6 +164,7 @@ def test_one_device_may_be_silent_alone(biped: Any, tmp_path: Path) -> None:
     assert not [i for i in run.out if isinstance(i, Outage)]
     assert len(run.of("l_foot")) == 2 * (SAMPLES - 60)
     assert len(run.of("r_foot")) == 2 * SAMPLES
+    assert run.truth[1]["lost"] == {"l_foot": 60}
 
 
 def test_times_pose_and_seed_are_respected(biped: Any, tmp_path: Path) -> None:
@@ -195,3 +198,15 @@ def test_faults_that_cannot_strike_are_refused(
 ) -> None:
     with pytest.raises(ConfigError, match=words):
         Run(biped, tmp_path, text)
+
+
+def test_answers_bear_the_clock_that_has_stepped(biped: Any) -> None:
+    robot: EmulatedRobot = biped.emulated(biped.sensor("jr3_uc3m"))
+    layouts = {device.name: device.layout for device in robot.devices}
+    faults = (fault_from("clock_step:at=1,by=6.5"),)
+    injector = Injector("can0", faults, layouts, TruthLog())
+    answer = Frame(0x701, b"\5", 2.0)
+    injector.inject([])
+    assert injector.stamped([answer]) == [answer]
+    injector.inject([])
+    assert injector.stamped([answer]) == [answer._replace(t=8.5)]

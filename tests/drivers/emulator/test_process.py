@@ -3,8 +3,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import re
+import select
 import signal
+import socket
 import struct
 import subprocess
 import sys
@@ -41,9 +46,15 @@ def command(bus: can.BusABC, pose: int, code: int = MOVE, *more: int) -> None:
 
 
 def received(bus: can.BusABC) -> can.Message:
-    message = bus.recv(WAIT)
-    assert message is not None, "nothing came"
-    return message
+    while True:
+        try:
+            message = bus.recv(WAIT)
+        except (ValueError, IndexError):
+            # The rest of a line that was cut when the host before this one left: python-can takes
+            # it for a frame if it begins with a letter.
+            continue
+        assert message is not None, "nothing came"
+        return message
 
 
 def until_arrived(bus: can.BusABC, pose: int) -> int:
@@ -126,13 +137,13 @@ def test_a_repetition_has_a_number_of_its_own(processes: dict[str, Any], biped: 
 def test_a_paced_robot_takes_its_time(biped: Any) -> None:
     options = Options(biped.yaml, rate=4.0, started=True)
     with RunningEmulator(options) as buses, opened(dict(buses["can0"])) as bus:
+        start = time.monotonic()
         command(bus, biped.plan[0].pose)
         until_arrived(bus, biped.plan[0].pose)
-        start = time.monotonic()
         stamps = [received(bus).timestamp for _ in range(5 * 240)]
         took = time.monotonic() - start
     assert stamps[-1] - stamps[0] == pytest.approx(2.0, abs=0.02)
-    assert 0.45 < took < 2.0
+    assert 0.49 < took < 5.0
     assert stamps == sorted(stamps)
 
 
@@ -169,6 +180,59 @@ def test_an_outage_ends_and_the_robot_goes_on(biped: Any) -> None:
     assert lost == pytest.approx(0.2 * 120, abs=1)
 
 
+@pytest.mark.parametrize("adapter", ["slcan", "socketcand"])
+def test_an_unplugged_adapter_loses_what_the_truth_says(
+    adapter: str, biped: Any, tmp_path: Path
+) -> None:
+    pose, truth = biped.plan[0].pose, tmp_path / "truth.jsonl"
+    faults = (fault_from("disconnect:at=30,duration=0.2,times=1"),)
+    options = Options(biped.yaml, rate=0.0, started=True, faults=faults, truth=truth, length=1.0)
+    with RunningEmulator(options, adapter) as buses:
+        before = raw_lines(buses["can0"], b"t7F13" + struct.pack("<HB", pose, MOVE).hex().encode())
+        after = raw_lines(buses["can0"], b"", idle=0.3)
+    # Forces of the JR3: the sample number is in the last two bytes.
+    first, second = ([int.from_bytes(d[6:], "little") for d in lines] for lines in (before, after))
+    begin = pose * 7200 % 65536
+    assert first == list(range(begin, begin + 30))
+    assert second == list(range(begin + 54, begin + 120))
+    notes = [json.loads(line) for line in truth.read_text().splitlines()]
+    assert notes[1]["lost"] == {"l_foot": 24, "r_foot": 24, "l_knee": 24}
+
+
+def raw_fd(connection: Any) -> int:
+    if connection["interface"] == "slcan":
+        return os.open(connection["channel"], os.O_RDWR | os.O_NOCTTY)
+    return socket.create_connection((connection["host"], connection["port"])).detach()
+
+
+def raw_lines(connection: Any, command_: bytes, idle: float = WAIT) -> list[bytes]:
+    """Read the forces of the JR3 without python-can, until the adapter is gone or says no more."""
+    fd = -1
+    end = time.monotonic() + WAIT
+    while fd < 0:
+        assert time.monotonic() < end, "the adapter does not come back"
+        with contextlib.suppress(OSError):
+            fd = raw_fd(connection)
+    if connection["interface"] == "slcan":
+        os.write(fd, b"C\rS8\rO\r" + (command_ + b"\r" if command_ else b""))
+        pattern = re.compile(rb"t6018([0-9A-F]{16})\r")
+    else:
+        os.write(fd, b"< open can0 >< rawmode >")
+        if command_:
+            data = b" ".join(command_[5 + k : 7 + k] for k in (0, 2, 4))
+            os.write(fd, b"< send 7f1 3 " + data + b" >")
+        pattern = re.compile(rb"< frame 601 [0-9.]+ ([0-9A-F]{16}) >")
+    text = b""
+    try:
+        while select.select([fd], [], [], idle)[0] and (piece := os.read(fd, 4096)):
+            text += piece
+    except OSError:
+        pass
+    finally:
+        os.close(fd)
+    return [bytes.fromhex(found.decode()) for found in pattern.findall(text)]
+
+
 def test_no_process_outlives_its_parent(biped: Any) -> None:
     script = (
         "import subprocess, sys, os\n"
@@ -201,7 +265,7 @@ def _lives(pid: int) -> bool:
     [
         (("--fault", "dorp"), "did you mean drop?"),
         (("--fault", "status:device=l_foot"), "devices that can: l_knee, r_foot"),
-        (("--source", "replay:x"), "use one of builtin, pybullet, mujoco"),
+        (("--source", "replay:x"), "use one of builtin, mujoco, pybullet"),
     ],
 )
 def test_what_cannot_work_ends_with_words(

@@ -75,6 +75,8 @@ class CanopenDrive(EmulatedDevice):
     def __init__(self, config: JointConfig, meter: DriveMeter, *, started: bool = False) -> None:
         super().__init__(config, meter, started=started)
         self.joint = config
+        self.column = meter.column
+        """Of its joint in ``q``."""
         self.state = OPERATIONAL if started else IS_PRE_OPERATIONAL
         self.word = SWITCH_ON_DISABLED
         self.target: float | None = None

@@ -43,6 +43,7 @@ def _print(result: LiveCheck, console: Console) -> None:
     import numpy as np
 
     from comcal.cli.check import print_finding
+    from comcal.cli.grouped import losses_text, rates_text
     from comcal.cli.live_table import picture
     from comcal.report.console import print_table
 
@@ -53,9 +54,8 @@ def _print(result: LiveCheck, console: Console) -> None:
         "read": f"{result.seconds:.1f} s at {result.rate:.0f} samples/s",
     }
     if status is not None:
-        rates = ", ".join(f"{name} {rate:.0f}/s" for name, rate in status.rates.items())
-        lost = ", ".join(f"{name} {count}" for name, count in status.lost.items() if count)
-        facts |= {"rates": rates or "none told", "lost": lost or "nothing"}
+        facts["rates"] = rates_text(status) or "none told"
+        facts["lost"] = losses_text(status) or "nothing"
     if np.isfinite(seen.weight):
         part = 100.0 * (seen.force / seen.weight - 1.0)
         facts["load"] = f"{seen.force:.1f} N of {seen.weight:.1f} N ({part:+.1f} %), before tare"

@@ -7,10 +7,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from rich.console import Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.table import Table
 from rich.text import Text
 
+from comcal.cli.grouped import losses_text, rates_text
 from comcal.measure.observe import Footprint, JointWay, Observation
 from comcal.measure.plan import DOUBLE, NONE
 from comcal.measure.source import SourceStatus
@@ -29,6 +30,9 @@ WRONG_LOAD = 0.1
 
 COLUMNS, LINES = 29, 9
 """Size of the picture of the soles in characters; one is twice as high as wide."""
+
+NARROW = 72
+"""Terminals with fewer columns show no picture."""
 
 GOOD, BAD, DOUBTFUL = "green", "red", "yellow"
 
@@ -64,17 +68,27 @@ def live_table(screen: Screen) -> RenderableType:
     """
     seen = screen.observation
     left = Group(_joints(seen), Text(), _motions(seen))
-    sides: list[RenderableType] = [left]
-    if seen.footprint is not None:
-        sides.append(picture(seen.footprint))
-    middle = Table.grid(padding=(0, 3))
-    middle.add_row(*sides)
     return Group(
         _head(screen),
-        middle,
+        left if seen.footprint is None else _Beside(left, seen.footprint),
         *_facts(screen),
         *([Text(screen.keys, style="dim")] if screen.keys else []),
     )
+
+
+class _Beside:
+    """Tables beside the picture of the soles; a narrow terminal gets its words alone."""
+
+    def __init__(self, tables: RenderableType, footprint: Footprint) -> None:
+        self._tables, self._footprint = tables, footprint
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        if options.max_width < NARROW:
+            yield Group(self._tables, _where(self._footprint))
+            return
+        grid = Table.grid(padding=(0, 3))
+        grid.add_row(self._tables, picture(self._footprint))
+        yield grid
 
 
 def status_line(screen: Screen) -> str:
@@ -132,11 +146,14 @@ def picture(footprint: Footprint) -> Text:
                 line[:k], ("+", f"bold {GOOD if is_inside else BAD}"), line[k + 1 :]
             )
         text.append_text(line).append("\n")
+    return text.append_text(_where(footprint))
+
+
+def _where(footprint: Footprint) -> Text:
+    is_inside = footprint.margin >= 0.0
     where = "inside" if is_inside else "outside"
-    text.append(
-        f"CoP {abs(footprint.margin) * 1e3:.0f} mm {where} the soles", "" if is_inside else BAD
-    )
-    return text
+    text = f"CoP {abs(footprint.margin) * 1e3:.0f} mm {where} the soles"
+    return Text(text, "" if is_inside else BAD)
 
 
 def _is_in(point: np.ndarray, sole: np.ndarray) -> bool:
@@ -208,7 +225,7 @@ def _facts(screen: Screen) -> Iterable[RenderableType]:
             text.append("  " if text else "").append(f"{name} {now:.1f} °C ({change:+.1f})", style)
         facts.add_row("warmth", text)
     if seen.status is not None:
-        rates = "  ".join(f"{name} {rate:.0f}/s" for name, rate in seen.status.rates.items())
+        rates = rates_text(seen.status)
         if rates:
             facts.add_row("rates", rates)
         lost = _lost(seen.status)
@@ -223,8 +240,8 @@ def _facts(screen: Screen) -> Iterable[RenderableType]:
 
 
 def _lost(status: SourceStatus) -> str:
-    lost = {name: count for name, count in status.lost.items() if count}
-    return "lost " + ", ".join(f"{k} {n}" for k, n in lost.items()) if lost else "nothing lost"
+    lost = losses_text(status)
+    return lost or "nothing lost"
 
 
 def _plain(first: str, *others: str) -> Table:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import click
 
+from comcal.cli.grouped import losses_text
 from comcal.measure.both_sides import BOTH
 from comcal.measure.operator import Nobody
 from comcal.measure.source import SourceStatus
@@ -254,5 +255,5 @@ def record_command(
 
 def _losses(status: SourceStatus) -> str:
     """Return the line about what the source lost."""
-    lost = [f"{name} {count}" for name, count in status.lost.items() if count]
-    return f"lost on the way: {', '.join(lost)}" if lost else "nothing was lost on the way"
+    lost = losses_text(status)
+    return f"lost on the way: {lost}" if lost else "nothing was lost on the way"

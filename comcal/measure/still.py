@@ -28,6 +28,9 @@ MM = ("mm", 1e3)
 LARGEST_GAP = 1.5
 """A window may last this much longer than its samples need; more of them were lost."""
 
+BURST = 0.1
+"""Stamps that are closer than this part of their mean spacing tell when samples were fetched."""
+
 
 @dataclass(frozen=True)
 class StillCriterion:
@@ -132,7 +135,8 @@ def judge_stillness(
     """
     length = window_length(block.t, criterion)
     if length is None:
-        return Stillness(None, "too few samples", f"{block.t.size}", f"{criterion.min_samples}")
+        wanted = _wanted_length(block.t, criterion)
+        return Stillness(None, "too few samples", f"{block.t.size}", f"{wanted}")
     tests = _tests(block, robot, support, criterion, length)
     passed = np.ones(block.t.size - length + 1, dtype=np.bool_)
     for test in tests:
@@ -209,14 +213,28 @@ def window_length(t: Array, criterion: StillCriterion) -> int | None:
         Times of the samples [s].
     criterion : StillCriterion
     """
-    if t.size < 2:
-        return None
-    period = float(np.median(np.diff(t)))
-    if not period > 0.0:
-        return None
-    # A millionth of a sample of slack: 0.2 s / 8 ms is 25, not 26 for a rounding error.
-    length = max(int(np.ceil(criterion.window / period - 1e-6)), criterion.min_samples, 2)
+    length = _wanted_length(t, criterion)
     return length if length <= t.size else None
+
+
+def _wanted_length(t: Array, criterion: StillCriterion) -> int:
+    """Return the number of samples that a window needs."""
+    least = max(criterion.min_samples, 2)
+    if t.size < 2:
+        return least
+    period = _period(t)
+    if not period > 0.0:
+        return t.size + 1
+    # A millionth of a sample of slack: 0.2 s / 8 ms is 25, not 26 for a rounding error.
+    return max(int(np.ceil(criterion.window / period - 1e-6)), least)
+
+
+def _period(t: Array) -> float:
+    """Return how far samples are apart [s]: the median, which does not mind that some were lost."""
+    median = float(np.median(np.diff(t)))
+    mean = float(t[-1] - t[0]) / (t.size - 1)
+    # Samples that a busy computer took from its adapter at once bear almost the same stamp.
+    return median if median > BURST * mean else mean
 
 
 @dataclass(frozen=True)
@@ -233,13 +251,14 @@ class _Signal:
 
 @dataclass(frozen=True)
 class _Test:
-    """One number per window, in the order of their first samples, against a limit."""
+    """One number per window, in the order of their first samples, against a limit; of whom."""
 
     what: str
     values: Array
     limit: float
     unit: str
     scale: float = 1.0
+    of: str = ""
 
 
 def _tests(
@@ -247,7 +266,7 @@ def _tests(
 ) -> list[_Test]:
     """Return all tests; those that explain the failure of others come first."""
     t = block.t
-    period = float(np.median(np.diff(t)))
+    period = _period(t)
     lasts = t[length - 1 :] - t[: t.size - length + 1]
     tests = [
         _Test("samples were lost: the window lasts", lasts, LARGEST_GAP * period * length, "s")
@@ -255,18 +274,19 @@ def _tests(
     cops = centers_of_pressure(block, robot, support, length)
     for cop in cops:
         lacking = criterion.min_force - _rolling(cop.force, length)[0]
-        what = f"{' + '.join(cop.sensors)} must carry {criterion.min_force:g} N, lacking are"
-        tests.append(_Test(what, lacking, 0.0, "N"))
+        of = " + ".join(cop.sensors)
+        what = f"{of} must carry {criterion.min_force:g} N, lacking are"
+        tests.append(_Test(what, lacking, 0.0, "N", of=of))
     signals = _signals_of(cops, criterion) or _raw(block, robot, criterion)
     rolled = [(s, *_rolling(s.values, length)) for s in signals]
     count = _settle_count(t, criterion, length)
     for s, _, sd, _ in rolled:
-        tests.append(_Test(f"standard deviation of {s.name}", sd, s.sd, s.unit, s.scale))
+        tests.append(_Test(f"standard deviation of {s.name}", sd, s.sd, s.unit, s.scale, s.name))
     for s, _, _, change in rolled:
-        tests.append(_Test(f"drift of {s.name}", np.abs(change), s.drift, s.unit, s.scale))
+        tests.append(_Test(f"drift of {s.name}", np.abs(change), s.drift, s.unit, s.scale, s.name))
     for s, mean, _, _ in rolled:
         wandering = _excursion(mean, count)
-        tests.append(_Test(f"wandering of {s.name}", wandering, s.drift, s.unit, s.scale))
+        tests.append(_Test(f"wandering of {s.name}", wandering, s.drift, s.unit, s.scale, s.name))
     return tests
 
 
@@ -288,7 +308,7 @@ def _signals_of(cops: Sequence[CenterOfPressure], criterion: StillCriterion) -> 
 
 def _settle_count(t: Array, criterion: StillCriterion, length: int) -> int:
     """Return how many windows in a row must not wander."""
-    return max(round(criterion.settle / float(np.median(np.diff(t)))) - length + 1, 1)
+    return max(round(criterion.settle / _period(t)) - length + 1, 1)
 
 
 def _raw(block: Block, robot: Robot, criterion: StillCriterion) -> list[_Signal]:
@@ -344,7 +364,7 @@ def _explain(tests: list[_Test]) -> Stillness:
         if np.isinf(value):
             break
         if np.isnan(value):
-            return Stillness(None, f"{test.what} is not finite")
+            return Stillness(None, f"samples of {test.of or test.what} are missing")
         if value > test.limit:
             measured, limit = (f"{x * test.scale:.3g} {test.unit}" for x in (value, test.limit))
             return Stillness(None, test.what, measured, limit)

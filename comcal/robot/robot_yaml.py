@@ -47,6 +47,8 @@ def robot_yaml_text(tree: Tree, guess: Guess, urdf: str) -> str:
         "",
         *_imu(guess),
         "",
+        *_sources(tree, guess),
+        "",
         *_comment(
             "Standard errors of the mean of a still pose, and under revisit: what differs between "
             "two visits of one pose. Typical values; record some pose several times to know yours."
@@ -158,6 +160,33 @@ def _imu(guess: Guess) -> list[str]:
     return [
         *_comment(f"The link in whose axes the IMU reads: {guess.why_imu}"),
         f"imu: {{link: {_scalar(guess.imu_link)}}}",
+    ]
+
+
+def _sources(tree: Tree, guess: Guess) -> list[str]:
+    sensors = [foot.sensor.name for foot in guess.feet] or ["left_foot"]
+    return [
+        *_comment(
+            "What hangs on the robot's CAN buses, for --source can. Devices, their ids and what "
+            "else they need are listed in README, On the robot. gear: turns of the motor per turn "
+            "of the joint; sign, zero: of the joint's angle."
+        ),
+        "# sources:",
+        "#   can:",
+        "#     buses:",
+        "#       can0: {interface: socketcan, channel: can0, bitrate: 1000000}",
+        "#     sensors:",
+        *(
+            f"#       {_scalar(name)}: {{bus: can0, device: ati_netcanoem, "
+            f"ids: {{base: 0x{base:02x}}}, period: 0.005}}"
+            for base, name in enumerate(sensors, start=32)
+        ),
+        "#     joints:",
+        *(
+            f"#       {_scalar(name)}: {{bus: can0, device: cia402, ids: {{node: {node}}}, "
+            "counts_per_turn: 4096, gear: 100, sign: 1, zero: 0 deg}"
+            for node, name in enumerate(tree.joint_names, start=1)
+        ),
     ]
 
 

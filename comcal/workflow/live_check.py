@@ -231,16 +231,21 @@ def _of_channels(channels: tuple[Channel, ...]) -> Iterator[Finding]:
 
 
 def _of_losses(status: SourceStatus | None) -> Iterator[Finding]:
-    for name, count in (status.lost if status is not None else {}).items():
+    groups: dict[tuple[str, int], list[str]] = {}
+    for key, count in (status.lost if status is not None else {}).items():
+        name, _, kind = key.rpartition(" ")
         if count:
-            yield Finding(
-                Level.WARNING,
-                "has lost samples",
-                name,
-                f"{count}",
-                "",
-                "look at cable, termination and load of the bus",
-            )
+            groups.setdefault((kind if name else "", count), []).append(name or kind)
+    for (kind, count), names in groups.items():
+        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        yield Finding(
+            Level.WARNING,
+            "has lost samples",
+            f"{names[0]}{more}",
+            f"{count} {kind}".rstrip(),
+            "",
+            "look at cable, termination and load of the bus",
+        )
     for note in status.notes if status is not None else ():
         yield Finding(Level.INFO, note)
 

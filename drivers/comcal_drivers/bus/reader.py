@@ -30,6 +30,8 @@ POLL = 0.05
 """How long a thread waits at most before it looks whether it shall stop [s]."""
 PACE = 0.001
 """Frames that come within this time are handled together [s]."""
+MANY = 64
+"""So many at once are what had to wait: there are more behind them, and no time to lose."""
 SEND_TIME = 0.5
 """How long sending may take [s]."""
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 2.0
@@ -229,7 +231,7 @@ class BusReader:
         self._watch.see(batch, now, time.time())
         self._inbox.put(batch)
         # Under load frames are handled by the millisecond, not one by one.
-        if len(batch) and now - began < PACE:
+        if 0 < len(batch) < MANY and now - began < PACE:
             time.sleep(PACE - (now - began))
 
     def _reconnect(self) -> None:

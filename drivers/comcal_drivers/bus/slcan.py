@@ -37,6 +37,8 @@ BITRATES = {
 READ_SIZE = 1 << 16
 ANSWER_TIME = 0.25
 """How long an adapter may take to answer a command [s]."""
+OPENINGS = 2
+"""So often a channel is opened: a late answer to the one before may be taken for a refusal."""
 BOOT_TIME = 2.5
 """How long a board that restarts when its port is opened may stay silent [s]."""
 FLAGS_PERIOD = 0.5
@@ -178,16 +180,23 @@ class SlcanBus(BatchBus):
         return received
 
     def _open_channel(self, bitrate: int | None, opening: str) -> None:
-        # A closed channel may answer this by a bell; both say that somebody is listening.
-        deadline = time.monotonic() + BOOT_TIME
-        while not self._ask("C") and time.monotonic() < deadline:
-            pass
-        self._drain()
-        for command in ([BITRATES[bitrate]] if bitrate is not None else []) + [opening]:
-            refusals = self._lines.refusals
-            self._ask(command)
-            if self._lines.refusals > refusals:
-                raise can.CanInitializationError(f"the adapter refuses the command {command}")
+        commands = ([BITRATES[bitrate]] if bitrate is not None else []) + [opening]
+        refused = None
+        for _ in range(OPENINGS):
+            # A closed channel may answer this by a bell; both say that somebody is listening.
+            deadline = time.monotonic() + BOOT_TIME
+            while not self._ask("C") and time.monotonic() < deadline:
+                pass
+            self._drain()
+            refused = next((command for command in commands if self._is_refused(command)), None)
+            if refused is None:
+                return
+        raise can.CanInitializationError(f"the adapter refuses the command {refused}")
+
+    def _is_refused(self, command: str) -> bool:
+        refusals = self._lines.refusals
+        self._ask(command)
+        return self._lines.refusals > refusals
 
     def _ask(self, command: str) -> bool:
         """Send a command; return whether there was an answer (some adapters never give one)."""

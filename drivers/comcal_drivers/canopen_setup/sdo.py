@@ -32,6 +32,9 @@ ATTEMPTS = 2
 NOT_THERE = frozenset({0x06020000, 0x06090011})
 """Abort codes: the object, or the subindex, does not exist."""
 
+OUT_OF_STEP = frozenset({0x05030000, 0x05040000, 0x05040001})
+"""Abort codes: toggle bit, time-out, unknown command; after a late answer, the transfer's own."""
+
 NOTIFIER_CYCLE = 0.02
 """How soon the thread that reads notices that it shall end [s]."""
 
@@ -129,8 +132,9 @@ class Drive:
         while True:
             try:
                 return transfer()
-            except SdoCommunicationError:
-                if time.monotonic() >= deadline:
+            except (SdoCommunicationError, SdoAbortedError) as error:
+                is_final = isinstance(error, SdoAbortedError) and error.code not in OUT_OF_STEP
+                if is_final or time.monotonic() >= deadline:
                     raise
 
     @contextmanager

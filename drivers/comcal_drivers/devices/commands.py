@@ -188,11 +188,17 @@ class Listener:
         self._asked = {q.id for q in self._questions}
         self._told: dict[str, dict[int, dict[str, float]]] = {}
         self._open: _Open | None = None
+        self.questions = 0
+        """How many questions were seen so far."""
 
     @property
     def is_waiting(self) -> bool:
         """Whether a question is open."""
         return self._open is not None
+
+    def is_question(self, frame: CommandFrame) -> bool:
+        """Tell whether a frame is one that the device answers."""
+        return any(question.is_asked(frame.id, frame.data) for question in self._questions)
 
     @property
     def values(self) -> DeviceValues:
@@ -223,6 +229,7 @@ class Listener:
             return
         for question in self._questions:
             if question.is_asked(number, data):
+                self.questions += 1
                 self._open = _Open(question, list(range(len(question.answers))))
                 return
 

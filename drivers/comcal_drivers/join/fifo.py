@@ -12,7 +12,7 @@ Then
 
 - a group that grows beyond ``depth`` samples has lost a part; it is dropped whole,
 - as is one with an orphan (a part more often than its opener) or with stamps more than ``timeout``
-  apart, or running backwards,
+  apart, or running backwards; polls do not count here, another clock stamps them,
 - after that, ``depth`` clean samples in a row (each part once, in order) show that nothing is
   outstanding; they are held until then and emitted together, the first one marked as
   resynchronised. A stream that does not begin with a request begins in this state, too.
@@ -28,6 +28,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from comcal_drivers.join.events import REQUEST, Events
 from comcal_drivers.join.pairs import Index, Pairs
@@ -112,7 +113,8 @@ class _Scan:
         self.at_end = at_end
         self.events = events
         self.codes: list[int] = events.code.tolist()
-        self.times: list[float] = events.t.tolist()
+        self.t = _without_polls(events)
+        self.times: list[float] = self.t.tolist()
         self.n = len(self.codes)
         self.found: list[tuple[Index, int]] = []
         self._find_breaks()
@@ -156,7 +158,7 @@ class _Scan:
 
     def _find_breaks(self) -> None:
         """Find where an event does not follow the one before, and samples with stamps apart."""
-        state, code, t = self.state, self.events.code, self.events.t
+        state, code, t = self.state, self.events.code, self.t
         last = state.parts - 1
         follows = code[1:] == np.where(code[:-1] == last, state.opener, code[:-1] + 1)
         self.breaks = np.flatnonzero(~follows)
@@ -285,3 +287,14 @@ class _Scan:
                 state.orphaned += bool(self.events.ok[place])
                 state.short += not self.events.ok[place]
         return end
+
+
+def _without_polls(events: Events) -> npt.NDArray[np.float64]:
+    """Return stamps [s] in which a poll has that of the next part, NaN as long as there is none.
+
+    The host stamps the polls, by another clock than the adapter the answers.
+    """
+    n = len(events)
+    answers = np.where(events.code == REQUEST, n, np.arange(n))
+    following = np.minimum.accumulate(answers[::-1])[::-1]
+    return np.append(events.t, np.nan)[following]

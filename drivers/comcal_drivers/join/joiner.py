@@ -114,10 +114,11 @@ class Joiner:
 
     @property
     def oldest(self) -> tuple[int, float] | None:
-        """Running index and stamp [s] of the oldest frame that is held back; None: none is."""
-        held = [e for e in (self._waiting, self._held) if e is not None and len(e)]
-        rows = [int(e.row[0]) for e in held]
-        return None if not held else (min(rows), float(held[int(np.argmin(rows))].t[0]))
+        """Running index and stamp [s] of the oldest part that is held back; None: none is."""
+        held = [e for e in (self._waiting, self._held) if e is not None]
+        parts = [(e, int(np.argmax(e.code >= 0))) for e in held if (e.code >= 0).any()]
+        found = [(int(e.row[first]), float(e.t[first])) for e, first in parts]
+        return min(found, default=None)
 
     def feed(self, decoded: Mapping[int, Decoded], batch: FrameBatch, first_row: int) -> Samples:
         """Return the samples that the frames of a batch complete.

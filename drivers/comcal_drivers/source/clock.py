@@ -29,11 +29,16 @@ class SampleClock:
         At which the counter begins again; None: there is no counter.
     step : int
         By how much the counter grows from one sample to the next; zero: nobody knows.
+    silence : float
+        Longest time between two samples that are not counted [s].
+    origin : float
+        The stamp that is time zero, where stamps are the clock and not before it [s].
 
     Attributes
     ----------
-    turned_back, restarted : int
-        How often the clock of the stamps went back, and the counter began anew, so far.
+    turned_back, restarted, paused : int
+        How often the clock of the stamps went back, the counter began anew, and nothing came for
+        longer than ``silence``, so far.
     """
 
     def __init__(
@@ -42,17 +47,25 @@ class SampleClock:
         period: float | None = None,
         modulus: int | None = None,
         step: int = 1,
+        silence: float = np.inf,
+        origin: float = 0.0,
     ) -> None:
         self.device, self.period, self.modulus, self.step = device, period, modulus, step
-        self.turned_back = self.restarted = 0
+        self.silence, self.origin = silence, origin
+        self.turned_back = self.restarted = self.paused = 0
+        self._heard = np.nan
         self._counter: int | None = None
         self._stamp = self._t = np.nan
         self._total, self._offset = 0, 0.0
 
+    def begin(self) -> None:
+        """Take no pause amiss that lasts until the next sample: nobody was to listen."""
+        self._heard = np.nan
+
     def times(self, of: Series) -> Array:
         """Return the times of the next samples, shape (n,) [s], always growing.
 
-        Counted times are those since the counter was zero, stamped ones as stamped.
+        Counted times are those since the counter was zero, stamped ones those since ``origin``.
 
         Raises
         ------
@@ -83,9 +96,14 @@ class SampleClock:
 
     def _stamped(self, stamps: Array) -> Array:
         steps = np.diff(stamps, prepend=self._stamp if np.isfinite(self._stamp) else stamps[0] - 1)
-        self._stamp = float(stamps[-1])
+        is_first = not np.isfinite(self._stamp)
+        pauses = np.diff(stamps, prepend=self._heard) > self.silence
+        self.paused += int(np.count_nonzero(pauses))
+        self._stamp = self._heard = float(stamps[-1])
         self.turned_back += int(np.count_nonzero(steps < 0.0))
-        t = stamps + self._offset
+        if is_first and stamps[0] < self.origin:
+            self.origin = 0.0  # these count from when the adapter was switched on, not from 1970
+        t = stamps - self.origin + self._offset
         for k in np.flatnonzero(steps <= 0.0):
             before = t[k - 1] if k else self._t
             more = float(before + LEAST_STEP - t[k])

@@ -69,6 +69,7 @@ class CanSource:
         self._log = SessionLog(request.directory)
         self._told: dict[str, DeviceValues] = {}
         self._facts: dict[str, dict[str, object]] = {}
+        self._on_sync: set[str] = set()
         self._readers: dict[str, BusReader] = {}
         self._pollers: list[Poller] = []
         self._rates = Rates()
@@ -81,10 +82,11 @@ class CanSource:
             with contextlib.suppress(ComcalError):
                 self.close()
             raise
-        self._stream = SampleStream(self._config, request.robot, self._told)
+        self._stream = SampleStream(self._config, request.robot, self._told, self._log.origin)
         self._stream.begin()
         self._reading = BlockReader(self._blocks)
         self._ready: Block | None = None
+        self.status()  # rates count from here
 
     @property
     def name(self) -> str:
@@ -212,6 +214,11 @@ class CanSource:
             rated = {name: rated_values(each) for name, each in facts.items()}
             self._told = merged(self._told, rated)
             self._facts |= {name: each.as_mapping() for name, each in facts.items()}
+            self._on_sync |= {
+                name
+                for name, each in facts.items()
+                if any(pdo.is_synchronous for pdo in each.layout.enabled)
+            }
         return opened
 
     def _start(self) -> None:
@@ -269,13 +276,30 @@ class CanSource:
         counts = self._stream.counts
         mute = [name for name, each in counts.items() if not each.samples]
         notes = self.status().notes
-        who = ", ".join(mute) if mute else self._config.clock
+        if len(mute) == len(counts) > 1:
+            who = f"none of the {len(mute)} devices has sent anything"
+        else:
+            have = "have" if len(mute) > 1 else "has"
+            who = f"{', '.join(mute) or self._config.clock} {have} sent nothing"
         return HardwareError(
-            f"no samples come: {who} {'have' if len(mute) > 1 else 'has'} sent nothing usable",
+            f"no samples come: {who} usable",
             where=self.name,
             measured=f"nothing for {self._patience:g} s" + "".join(f"; {note}" for note in notes),
-            next_step="see that the devices are powered, on this bus, at this bit rate, with the "
+            next_step=self._without_sync(mute)
+            or "see that the devices are powered, on this bus, at this bit rate, with the "
             "`ids` that robot.yaml states; then go on with the same command",
+        )
+
+    def _without_sync(self, mute: list[str]) -> str:
+        """Return what to do about drives that wait for a SYNC which nobody sends; else nothing."""
+        joints = self._config.joints
+        given = {j.bus for j in joints.values() if j.sync_period is not None}
+        waiting = [n for n in mute if n in self._on_sync and joints[n].bus not in given]
+        if not waiting:
+            return ""
+        return (
+            f"{waiting[0]} sends only after a SYNC: give one drive of the bus `sync_period: 0.01` "
+            "in robot.yaml, start the master that sends SYNC, or set its TPDO to type 255"
         )
 
 

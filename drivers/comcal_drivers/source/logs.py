@@ -11,13 +11,17 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+
+import numpy as np
 
 from comcal.errors import DataError, HardwareError
 from comcal_drivers.devices.commands import DeviceValues
 from comcal_drivers.frames.batch import FrameBatch
 from comcal_drivers.frames.frame_log import FrameLog
+from comcal_drivers.frames.logs import read_log
 
 FOLDER = "can"
 DEVICES = "devices.json"
@@ -40,6 +44,11 @@ class SessionLog:
     def __init__(self, directory: Path | None) -> None:
         self._folder = None if directory is None else directory / FOLDER
         self._file: FrameLog | None = None
+        logs = [] if self._folder is None else sorted(self._folder.glob("*.log"))
+        self.origin = min(filter(np.isfinite, map(first_stamp, logs)), default=None)
+        """Stamp of the first frame that was ever kept here [s]: time zero of the session."""
+        # The readers of several buses write while the recorder begins the next file.
+        self._lock = threading.Lock()
 
     def begin(self, name: str) -> None:
         """Write what comes from now on to ``can/<name>.log``, or the next free number of it."""
@@ -49,15 +58,19 @@ class SessionLog:
             self._folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise _full(self._folder, error) from error
-        old, self._file = self._file, FrameLog(_free(self._folder, name, ".log"))
+        new = FrameLog(_free(self._folder, name, ".log"))
+        with self._lock:
+            old, self._file = self._file, new
         if old is not None:
             old.close()
 
     def write(self, batch: FrameBatch, channel: str) -> None:
         """Append frames; before anything began they are not kept."""
-        file = self._file
-        if file is not None:
-            file.write(batch, channel)
+        with self._lock:
+            if self._file is not None:
+                self._file.write(batch, channel)
+                if self.origin is None and len(batch):
+                    self.origin = float(batch.t[0])
 
     def tell(
         self, told: Mapping[str, DeviceValues], facts: Mapping[str, Mapping[str, object]]
@@ -75,9 +88,19 @@ class SessionLog:
 
     def close(self) -> None:
         """Close the newest file."""
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        with self._lock:
+            old, self._file = self._file, None
+        if old is not None:
+            old.close()
+
+
+def first_stamp(path: Path) -> float:
+    """Return the stamp of the first frame of a log [s]; infinite where there is none."""
+    if path.stat().st_size == 0:
+        return np.inf
+    for batch in read_log(path, 1):
+        return float(batch.t[0])
+    return np.inf
 
 
 def devices_told(folder: Path) -> dict[str, DeviceValues]:

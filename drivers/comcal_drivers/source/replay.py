@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 
@@ -14,12 +15,14 @@ from comcal.errors import ConfigError, UsageError
 from comcal.measure.plan import PlannedPose
 from comcal.measure.source import Block, SourceRequest, SourceStatus
 from comcal.robot.model import Robot
+from comcal_drivers.bus.error_frames import bus_off_rows, is_gap
 from comcal_drivers.devices.commands import DeviceValues
 from comcal_drivers.devices.configuration import CanConfig, read_configuration
+from comcal_drivers.frames.batch import ERROR, FrameBatch
 from comcal_drivers.frames.logs import read_log
 from comcal_drivers.replay.seek import Order, PoseSeeker, SeekOptions
 from comcal_drivers.source.fitted import fitted
-from comcal_drivers.source.logs import FOLDER, devices_told
+from comcal_drivers.source.logs import FOLDER, devices_told, first_stamp
 from comcal_drivers.source.stream import SampleStream
 
 CHUNK = 20_000
@@ -38,6 +41,12 @@ class CanLog:
     robot : Robot
     told : mapping from device to values
         What devices told when the logs were written.
+    stream : SampleStream or None
+        What makes samples of the frames; None before the first reading.
+    torn : int
+        Lines that were no frames, so far.
+    noted : mapping from name to int
+        What the adapter and the reader noted of the bus, so far.
     """
 
     path: Path
@@ -46,6 +55,7 @@ class CanLog:
     told: Mapping[str, DeviceValues]
     stream: SampleStream | None = None
     torn: int = 0
+    noted: Counter[str] = field(default_factory=Counter[str])
 
     @property
     def name(self) -> str:
@@ -61,10 +71,11 @@ class CanLog:
         channel = self._channel()
         with fitted(self.config) as config:
             stream = SampleStream(config, self.robot, self.told)
-            self.stream, self.torn = stream, 0
+            self.stream, self.torn, self.noted = stream, 0, Counter()
             for path in self._files():
                 log = read_log(path, CHUNK)
                 for batch in log:
+                    self._note(batch, channel)
                     block = stream.feed({channel: batch})
                     if block.t.size:
                         yield block
@@ -72,6 +83,16 @@ class CanLog:
             block = stream.finish()
             if block.t.size:
                 yield block
+
+    def _note(self, batch: FrameBatch, channel: str) -> None:
+        found = {
+            "error frames": (batch.kinds & ERROR) != 0,
+            "bus offs": bus_off_rows(batch),
+            "gaps": is_gap(batch),
+        }
+        self.noted.update(
+            {f"{channel} {what}": int(np.count_nonzero(rows)) for what, rows in found.items()}
+        )
 
     def _channel(self) -> str:
         if len(self.config.buses) != 1:
@@ -86,7 +107,7 @@ class CanLog:
     def _files(self) -> list[Path]:
         if self.path.is_file():
             return [self.path]
-        found = [(_first_stamp(path), path.name, path) for path in sorted(self.path.glob("*.log"))]
+        found = [(first_stamp(path), path.name, path) for path in sorted(self.path.glob("*.log"))]
         if not found:
             raise UsageError(
                 "there are no logs of frames",
@@ -94,14 +115,6 @@ class CanLog:
                 next_step="give a log, or a session that was recorded from a bus",
             )
         return [path for _, _, path in sorted(found)]
-
-
-def _first_stamp(path: Path) -> float:
-    if path.stat().st_size == 0:
-        return np.inf
-    for batch in read_log(path, 1):
-        return float(batch.t[0])
-    return np.inf
 
 
 class ReplaySource:
@@ -141,7 +154,8 @@ class ReplaySource:
         if stream is None:
             return SourceStatus()
         torn = {"torn lines": self._log.torn} if self._log.torn else {}
-        return SourceStatus({}, {**stream.lost, **torn}, stream.notes)
+        noted = {name: count for name, count in self._log.noted.items() if count}
+        return SourceStatus({}, {**stream.lost, **noted, **torn}, stream.notes)
 
     def close(self) -> None:
         """Close the log."""

@@ -65,16 +65,25 @@ def _ask(
     command: str,
 ) -> None:
     """Send one question until it is answered; what needs no answer is sent once."""
-    for _ in range(TRIES):
+    for tried in range(TRIES):
         listener.see(take(0.0))
+        seen = listener.questions
         for frame in frames:
             send(_message(frame))
-        ends = time.monotonic() + frames[-1].timeout
-        # The question itself comes back among the frames: only then is it known to be open.
-        listener.see(take(POLL))
-        while listener.is_waiting and time.monotonic() < ends:
+        if not any(listener.is_question(frame) for frame in frames):
             listener.see(take(POLL))
-        if not listener.is_waiting:
+            return
+        ends = time.monotonic() + frames[-1].timeout
+        # The question itself comes back among the frames, after those that were on their way: only
+        # what comes later can be its answer.
+        while listener.questions == seen or listener.is_waiting:
+            if time.monotonic() > ends:
+                break
+            listener.see(take(POLL))
+        else:
+            if tried:
+                # The answers to earlier tries may come yet, and are none to the next question.
+                _let_pass(take, listener, frames[-1].timeout)
             return
     raise HardwareError(
         f"it does not answer the command {command!r}",

@@ -30,6 +30,8 @@ class SampleStream:
     robot : Robot
     told : mapping from device name to its values, optional
         What devices told earlier: matrices, full scales, rated currents.
+    origin : float, optional
+        The stamp that is time zero [s]; None: that of the first frame.
 
     Raises
     ------
@@ -38,7 +40,11 @@ class SampleStream:
     """
 
     def __init__(
-        self, config: CanConfig, robot: Robot, told: Mapping[str, DeviceValues] | None = None
+        self,
+        config: CanConfig,
+        robot: Robot,
+        told: Mapping[str, DeviceValues] | None = None,
+        origin: float | None = None,
     ) -> None:
         earlier = told or {}
         self._pipelines = {
@@ -50,13 +56,17 @@ class SampleStream:
         clock = self._pipelines[config.clock].config
         join = clock.device.description.join
         step = clock.counter_step if clock.counter_step is not None else join.step
+        self._is_timed = origin is not None
+        time = SampleClock(
+            config.clock, clock.period, join.modulus, step, clock.timeout, origin or 0.0
+        )
         self._assembler = Assembler(
             [
                 pipeline.slot(joints.index(name) if name in config.joints else -1)
                 for name, pipeline in self._pipelines.items()
             ],
             config.clock,
-            SampleClock(config.clock, clock.period, join.modulus, step),
+            time,
             len(joints),
         )
         self._warmth = {
@@ -90,6 +100,8 @@ class SampleStream:
             for kind in kinds
         }
         found |= {f"{name} gaps": gaps for name, gaps in self.gaps.items()}
+        time = self._assembler.time
+        found[f"{time.device} pauses"] = time.paused
         return {name: count for name, count in found.items() if count}
 
     @property
@@ -118,6 +130,7 @@ class SampleStream:
         They begin with the first one for which every device has spoken since.
         """
         self._assembler.begin_after(self._order.last)
+        self._assembler.time.begin()
 
     def feed(self, batches: Mapping[str, FrameBatch]) -> Block:
         """Return the rows that frames of all buses complete, perhaps none.
@@ -127,6 +140,8 @@ class SampleStream:
         batches : mapping from bus to FrameBatch
             That came together.
         """
+        if not self._is_timed:
+            self._begin_time(batches)
         first = {bus: self._order.first_row(bus) for bus in batches}
         self._order.take(batches)
         series: dict[str, Series] = {}
@@ -143,6 +158,12 @@ class SampleStream:
                 row = self._order.of(bus, np.array([held.row]))
                 pending[name] = Pending(int(row[0]), held.t)
         return self._rows(series, pending)
+
+    def _begin_time(self, batches: Mapping[str, FrameBatch]) -> None:
+        stamps = [float(batch.t[0]) for batch in batches.values() if len(batch)]
+        if stamps:
+            self._is_timed = True
+            self._assembler.time.origin = min(stamps) if np.isfinite(stamps).all() else 0.0
 
     def finish(self) -> Block:
         """Return the rows that the end of the stream completes, perhaps none."""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from comcal_drivers.decode.dbc import read_dbc
-from comcal_drivers.decode.table import DecodeTable, decode
+from comcal_drivers.decode.table import Decoded, DecodeTable, decode
 from comcal_drivers.devices.description import Device, load_device
 from comcal_drivers.devices.tables import bus_table
 from comcal_drivers.frames.batch import FrameBatch
@@ -122,6 +122,13 @@ class Speaker:
         assert counts.frames == sum(f.sample >= 0 for f in frames)
         assert counts.pending == 0
         return chain_samples(pieces, len(self.device.description.values)), counts
+
+    def decoded(self, batch: FrameBatch) -> Mapping[int, Decoded]:
+        return decode(self.table, batch)
+
+    @staticmethod
+    def packed(frames: Sequence[Sent]) -> FrameBatch:
+        return packed(frames)
 
     @staticmethod
     def moved(frames: list[Sent], at: int, by: int) -> list[Sent]:

@@ -167,3 +167,41 @@ def test_another_command_of_the_host_is_not_taken_for_a_request(speakers: Any) -
     with_tare, other = speaker.join([*frames[: 3 * SETTLED], tare, *frames[3 * SETTLED :]])
     assert speaker.found(with_tare) == speaker.found(samples) == list(range(N))
     assert other == counts
+
+
+@pytest.mark.parametrize("ahead", [1.7e9, -1.7e9, 0.3])
+def test_polls_may_be_stamped_by_another_clock(speakers: Any, ahead: float) -> None:
+    """The host stamps what it sends; many adapters stamp by a clock that began with them."""
+    speaker = speakers["ati_netcanoem"]
+    frames = [
+        type(f)(f.id, f.data, f.t + ahead * (f.part < 0), f.sample, f.part) for f in speaker.send(N)
+    ]
+    for cuts in ((), range(0, len(frames))):
+        samples, counts = speaker.join(frames, cuts)
+        assert speaker.found(samples) == list(range(N))
+        assert (counts.lost, counts.resyncs) == (0, 0)
+
+
+def test_answers_apart_are_dropped_whatever_clock_stamped_the_polls(speakers: Any) -> None:
+    speaker = speakers["ati_netcanoem"]
+    late = speaker.send(N)[3 * SETTLED + 2 :]
+    frames = speaker.send(N)[: 3 * SETTLED + 2]
+    frames += [type(f)(f.id, f.data, f.t + 1.0, f.sample, f.part) for f in late]
+    frames = [type(f)(f.id, f.data, f.t + 1e9 * (f.part < 0), f.sample, f.part) for f in frames]
+    for cuts in ((), range(0, len(frames))):
+        samples, counts = speaker.join(frames, cuts)
+        assert SETTLED not in speaker.found(samples)
+        assert counts.resyncs == 1
+
+
+def test_a_poll_alone_holds_nothing_back(speakers: Any) -> None:
+    """Nothing was measured yet: what is measured by others does not wait for the answer."""
+    speaker = speakers["ati_netcanoem"]
+    joiner, frames = speaker.joiner(), speaker.send(2)
+    oldest = []
+    for k, frame in enumerate(frames[:5]):
+        batch = speaker.packed([frame])
+        joiner.feed(speaker.decoded(batch), batch, k)
+        oldest.append(joiner.oldest)
+    assert [None if each is None else each[0] for each in oldest] == [None, 1, 1, None, 4]
+    assert oldest[1] == (1, pytest.approx(frames[1].t, abs=1e-9))

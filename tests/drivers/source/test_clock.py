@@ -81,3 +81,27 @@ def test_times_do_not_depend_on_how_the_stream_is_cut(steps, stamped, at, counts
     np.testing.assert_array_equal(found, expected)
     assert (np.diff(expected) > 0.0).all()
     assert (whole.restarted, whole.turned_back) == (pieces.restarted, pieces.turned_back)
+
+
+def test_pauses_of_a_clock_that_nothing_counts_are_noticed() -> None:
+    t = np.array([10.0, 10.01, 10.02, 10.5, 10.51, 11.0, 11.01])
+    of = series(np.full(7, -1), t)
+    for at in ([], [3], [1, 2, 4, 5]):
+        clock = SampleClock("ft", silence=0.1)
+        for part in cut(of, at):
+            clock.times(part)
+        assert clock.paused == 2
+    clock = SampleClock("ft", silence=0.1)
+    clock.times(of[:3])
+    clock.begin()
+    clock.times(of[3:])
+    assert clock.paused == 1
+
+
+def test_stamps_of_an_adapter_that_counts_from_its_own_start_stay_as_they_are() -> None:
+    """The origin is a date; times before it would be negative, which no file takes."""
+    of = series(np.full(4, -1), 60.0 + np.array([0.0, 0.01, 0.02, 0.03]))
+    for at in ([], [1, 2]):
+        clock = SampleClock("ft", origin=1.7e9)
+        t = np.concatenate([clock.times(part) for part in cut(of, at)])
+        np.testing.assert_array_equal(t, of.t)

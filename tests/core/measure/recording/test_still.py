@@ -208,3 +208,24 @@ def test_a_plate_in_the_world_counts_when_feet_have_no_sensor(robot: Robot) -> N
     (cop,) = centers_of_pressure(block, on_plate, "double", n)
     np.testing.assert_allclose(cop.xy[0], [0.05, 0.02])
     assert find_still_window(block, on_plate, "double", DEFAULT) is not None
+
+
+def test_samples_that_were_fetched_in_bursts_are_judged_by_their_mean_spacing(
+    make_fake: Make, robot: Robot, plan: tuple[PlannedPose, ...]
+) -> None:
+    block = reading(make_fake(), plan[0], 3.0, np.zeros_like)
+    k = np.arange(block.t.size)
+    stamps = block.t[10 * (k // 10)] + 1e-6 * (k % 10)  # ten from the adapter at a time
+    window = judge_stillness(replace(block, t=stamps), robot, "double", DEFAULT).window
+    assert window is not None
+    assert block.t[window][-1] - block.t[window][0] == pytest.approx(DEFAULT.window, abs=0.05)
+
+
+def test_missing_samples_are_called_so(
+    make_fake: Make, robot: Robot, plan: tuple[PlannedPose, ...]
+) -> None:
+    block = reading(make_fake(), plan[0], 3.0, np.zeros_like)
+    for wrench in block.wrenches.values():
+        wrench[::20] = np.nan
+    stillness = judge_stillness(block, robot, "double", DEFAULT)
+    assert stillness.reason == f"samples of {' + '.join(block.wrenches)} are missing"

@@ -7,19 +7,38 @@ failures=0
 
 # stage NAME COMMAND...: run the command, time it, remember how it ended; go on in any case.
 stage() {
-    local name=$1 began=$SECONDS code=0 result
+    local name=$1 began=$SECONDS code=0
     shift
     printf '\n=== %s\n' "$name"
     "$@" || code=$?
-    if [ "$code" -eq 0 ]; then
-        result=passed
-    else
-        result="FAILED ($code)"
+    ended "$name" "$began" "$code"
+}
+
+# optional NAME COMMAND...: a stage that may say with exit code 77, and in its last line why, that
+# it cannot be had here; needs $work.
+optional() {
+    local name=$1 began=$SECONDS code=0
+    shift
+    printf '\n=== %s\n' "$name"
+    "$@" 2>&1 | tee "${work:?}/optional.txt"
+    code=${PIPESTATUS[0]}
+    if [ "$code" -eq 77 ]; then
+        rows+=("$name|$((SECONDS - began))|skipped: $(tail -n 1 "$work/optional.txt" | tr '|' '/')")
+        printf -- '--- %s: skipped\n' "$name"
+        return 0
+    fi
+    ended "$name" "$began" "$code"
+}
+
+# ended NAME BEGAN CODE: remember how a stage ended.
+ended() {
+    local result=passed
+    if [ "$3" -ne 0 ]; then
+        result="FAILED ($3)"
         failures=$((failures + 1))
     fi
-    rows+=("$name|$((SECONDS - began))|$result")
-    printf -- '--- %s: %s\n' "$name" "$result"
-    return 0
+    rows+=("$1|$((SECONDS - $2))|$result")
+    printf -- '--- %s: %s\n' "$1" "$result"
 }
 
 # skipped NAME WHY: a stage that cannot be had here, said aloud and kept in the table.

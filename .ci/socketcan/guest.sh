@@ -5,13 +5,13 @@
 #   bash .ci/socketcan/guest.sh [MORE ARGUMENTS OF PYTEST]
 # All of tests/drivers/guest is run; what is added there needs nothing else.
 # Exit code: pytest's; 77 when there cannot be a guest here, with the reason on stderr; 124 when it
-# took longer than COMCAL_GUEST_SECONDS (120).
+# took longer than COMCAL_GUEST_SECONDS (240).
 set -u
 here=$(CDPATH='' cd "$(dirname "${BASH_SOURCE[0]}")" && pwd -P)
 root=$(CDPATH='' cd "$here/../.." && pwd -P)
 python=${COMCAL_VENV:-$root/.venv}/bin/python
 case $python in /*) ;; *) python=$PWD/$python ;; esac
-seconds=${COMCAL_GUEST_SECONDS:-120}
+seconds=${COMCAL_GUEST_SECONDS:-240}
 packages="user-mode-linux can-utils busybox-static iproute2 gcc libc6-dev"
 
 skip() {

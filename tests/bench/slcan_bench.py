@@ -4,11 +4,19 @@
     python tests/bench/slcan_bench.py [--seconds 2] [--rounds 3] [--rates 1000 2000 ...]
 
 The adapter is another process behind a pseudo-terminal, with room for 256 frames: what the reader
-does not fetch in time pushes newer frames out, as in the real thing. Where the computer keeps the
-adapter's own process waiting, its clock stands still (a real one does not wait for the host), so
-the rate that was served is printed beside the one that was asked for. All readers take turns in
-one run. Ours does the whole work: reading, the log on disk, the queue, and the check of every
-frame; python-can's only counts, by ``recv`` and by ``Notifier`` with ``BufferedReader``.
+does not fetch in time pushes newer frames out, as in the real thing. All readers take turns in one
+run. Ours does the whole work: reading, the log on disk, the queue, and the check of every frame;
+python-can's only counts, by ``recv`` and by ``Notifier`` with ``BufferedReader``.
+
+Other load on the computer must not decide. The adapter, which stands for a piece of hardware, and
+all readers alike run with real-time priority, where that is allowed (root). Two things remain.
+Where the adapter's process is kept waiting nevertheless its clock stands still, so only the rate
+that was served counts, which is printed beside the one asked for. And a thread of the kernel, which
+has no priority, carries what the adapter writes to the reader, 4 KB at a time: where it waits, the
+adapter runs over, whoever reads. So a run in which something was lost while other programs took
+more than a little of the processors counts for nothing; it is marked with a star, and repeated.
+
+Exit code 5 if frames were lost at the wanted rate, 77 if the computer was too busy to tell.
 """
 
 from __future__ import annotations
@@ -34,9 +42,30 @@ from pathlib import Path
 FIFO = 256
 RATES = (1000, 2000, 3000, 5000, 8000, 10_000, 15_000, 20_000, 30_000, 40_000)
 WANTED = 15_000
+LATE = 0.98
+"""The rate that was served counts as the one asked for, if it is no less than this part of it."""
+GIVE_UP = 0.3
+"""A reader that loses more than this part is not asked for higher rates."""
+QUIET = 0.3
+"""Processors that other programs may take while a loss is the reader's own."""
+REPEATS = 3
+"""So many times the rounds are run at most, until enough of them count."""
+READERS, ADAPTER = 1, 2
+"""Real-time priorities; every program without one waits for both."""
 LONGEST_NAP = 0.002
 """Longer than this the adapter's process is not away on its own account [s]."""
+SILENCE = 1.0
+"""After this the kernel holds nothing back any more [s]."""
 IDENTIFIER = 0x123
+
+
+def hurry(priority: int = READERS) -> str:
+    """Put this process, and those that it starts, before others; say what was allowed."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(priority))
+    except PermissionError:
+        return "no priority (not root)"
+    return "real-time priority"
 
 
 # --- the adapter's process ----------------------------------------------------------------------
@@ -44,6 +73,7 @@ IDENTIFIER = 0x123
 
 def run_adapter(rate: int, seconds: float) -> None:
     """Answer commands; from ``O`` on send frames; say at the end what became of them."""
+    hurry(ADAPTER)
     master, slave = pty.openpty()
     tty.setraw(slave)
     os.set_blocking(master, False)
@@ -117,7 +147,7 @@ def read_ours(path: str, is_over: Callable[[], bool]) -> int:
     ):
         while True:
             over = is_over()
-            batch = reader.take(0.1)
+            batch = reader.take(SILENCE if over else 0.1)
             if len(batch):
                 numbers = np.ascontiguousarray(batch.data).view(">i8").ravel()
                 if not (np.diff(numbers, prepend=newest) > 0).all():
@@ -135,7 +165,7 @@ def read_by_recv(path: str, is_over: Callable[[], bool]) -> int:
         got = 0
         while True:
             over = is_over()
-            while bus.recv(0.1) is not None:
+            while bus.recv(SILENCE if over else 0.1) is not None:
                 got += 1
             if over:
                 return got
@@ -150,7 +180,7 @@ def read_by_notifier(path: str, is_over: Callable[[], bool]) -> int:
         try:
             while True:
                 over = is_over()
-                while buffer.get_message(0.1) is not None:
+                while buffer.get_message(SILENCE if over else 0.1) is not None:
                     got += 1
                 if over:
                     return got
@@ -168,16 +198,45 @@ class Result:
     made: int
     got: int
     rate: float
+    others: float
+    """Processors that other programs took."""
 
     @property
     def lost(self) -> float:
         return 1.0 - self.got / self.made
+
+    @property
+    def counts(self) -> bool:
+        """Whether this says something of the reader."""
+        return self.lost == 0.0 or self.others <= QUIET
+
+
+class Busy:
+    """How many processors other programs take from now on."""
+
+    def __init__(self) -> None:
+        self._start = self._now()
+
+    @property
+    def others(self) -> float:
+        """Since the start; the readers and adapters that have ended by now are not others."""
+        wall, busy, own = (b - a for a, b in zip(self._start, self._now(), strict=True))
+        return max(0.0, (busy - own) / wall)
+
+    @staticmethod
+    def _now() -> tuple[float, float, float]:
+        fields = Path("/proc/stat").read_text("ascii").split("\n", 1)[0].split()[1:9]
+        user, nice, system, _idle, _wait, irq, softirq, stolen = map(int, fields)
+        busy = (user + nice + system + irq + softirq + stolen) / os.sysconf("SC_CLK_TCK")
+        own = os.times()
+        return time.monotonic(), busy, sum(own[:4])
 
 
 def measure(
     reader: str, rate: int, seconds: float, note: Callable[[], None] = lambda: None
 ) -> Result:
     """Run one adapter and one reader; *note* is called about ten times a second."""
+    busy = Busy()
     adapter = subprocess.Popen(
         [
             sys.executable,
@@ -202,17 +261,46 @@ def measure(
             return bool(report)
 
         got = READERS[reader](path, is_over)
-        told = report[0]
-        if got + told["dropped"] != told["made"]:
-            raise SystemExit(f"{reader}: {got} read + {told['dropped']} dropped != {told['made']}")
-        return Result(int(told["made"]), got, told["made"] / told["seconds"])
     finally:
         adapter.stdin.close()
         adapter.wait(10)
         adapter.stdout.close()
+    told = report[0]
+    if got + told["dropped"] != told["made"]:
+        raise SystemExit(f"{reader}: {got} read + {told['dropped']} dropped != {told['made']}")
+    return Result(int(told["made"]), got, told["made"] / told["seconds"], busy.others)
 
 
-def main() -> None:
+def in_rounds(
+    reader: str, rate: int, seconds: float, wanted: int
+) -> tuple[list[Result], list[Result]]:
+    """Return all runs, and those that count; as many as *wanted*, if the computer allows."""
+    rounds: list[Result] = []
+    judged: list[Result] = []
+    while len(judged) < wanted and len(rounds) < REPEATS * wanted:
+        rounds.append(measure(reader, rate, seconds))
+        judged = [result for result in rounds if result.counts]
+    return rounds, judged
+
+
+def verdict(best: float, lossy: float) -> tuple[str, int]:
+    """Return whether the wanted rate was read without loss, and the exit code that says so.
+
+    Parameters
+    ----------
+    best : float
+        Highest rate served without loss [frames/s].
+    lossy : float
+        Lowest rate asked for at which frames were lost on a quiet computer [frames/s].
+    """
+    if best >= LATE * WANTED:
+        return "reached", 0
+    if lossy <= WANTED:
+        return "NOT reached", 5
+    return "not known, other programs kept the processors busy", 77
+
+
+def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("--adapter", type=int, metavar="RATE", help=argparse.SUPPRESS)
     parser.add_argument("--seconds", type=float, default=2.0)
@@ -221,14 +309,16 @@ def main() -> None:
     options = parser.parse_args()
     if options.adapter:
         run_adapter(options.adapter, options.seconds)
-        return
+        return 0
 
     print(
-        f"{options.seconds:g} s a run, {options.rounds} rounds; a FIFO of {FIFO} frames; load "
-        f"{os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; worst loss (lowest rate served)"
+        f"{options.seconds:g} s a run, {options.rounds} rounds; a FIFO of {FIFO} frames; "
+        f"{hurry()}; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; worst loss (lowest "
+        "rate served)"
     )
     print(f"{'frames/s':>9}" + "".join(f"{name:>24}" for name in READERS))
     best = dict.fromkeys(READERS, 0.0)
+    lossy = dict.fromkeys(READERS, float("inf"))
     given_up: set[str] = set()
     for rate in options.rates:
         line = f"{rate:9}"
@@ -236,21 +326,26 @@ def main() -> None:
             if name in given_up:
                 line += f"{'':>24}"
                 continue
-            rounds = [measure(name, rate, options.seconds) for _ in range(options.rounds)]
-            worst = max(rounds, key=lambda result: result.lost)
-            served = min(result.rate for result in rounds)
+            rounds, judged = in_rounds(name, rate, options.seconds, options.rounds)
+            worst = max(judged or rounds, key=lambda result: result.lost)
+            served = min(result.rate for result in judged or rounds)
             if worst.lost == 0.0:
                 best[name] = max(best[name], served)
-            elif worst.lost > 0.3:
+            elif judged:
+                lossy[name] = min(lossy[name], rate)
+            if judged and worst.lost > GIVE_UP:
                 given_up.add(name)
-            line += f"{100 * worst.lost:12.2f} % ({served:7.0f})"
+            star = " " if len(judged) == len(rounds) else "*"
+            line += f"{100 * worst.lost:11.2f} %{star} ({served:7.0f})"
         print(line, flush=True)
     for name, rate in best.items():
         print(f"{name:10} without loss up to {rate:6.0f} frames/s served")
-    ratio = best["comcal"] / max(best["Notifier"], best["recv"], 1)
-    verdict = "reached" if best["comcal"] >= WANTED else "NOT reached"
-    print(f"wanted: {WANTED} frames/s without loss: {verdict}; {ratio:.1f} times python-can")
+    words, code = verdict(best["comcal"], lossy["comcal"])
+    theirs = max(best["Notifier"], best["recv"])
+    ratio = f"; {best['comcal'] / theirs:.1f} times python-can" if theirs else ""
+    print(f"wanted: {WANTED} frames/s without loss: {words}{ratio}")
+    return code
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

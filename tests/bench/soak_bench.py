@@ -5,7 +5,7 @@
 
 The adapter of slcan_bench.py sends, the reader logs to disk and hands over, every frame is
 checked. The first tenth of the time is for warming up; what the process holds then and at the
-end may differ by 2 MB.
+end may differ by 2 MB. A loss is no failure where other programs kept the processors busy.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import sys
 import time
 from pathlib import Path
 
-from slcan_bench import measure
+from slcan_bench import hurry, measure
 
 ALLOWED = 2.0
 """Growth that is none [MB]."""
@@ -36,6 +36,7 @@ def main() -> int:
     options = parser.parse_args()
 
     seconds = 60.0 * options.minutes
+    priority = hurry()
     samples: list[tuple[float, float]] = []
     began = time.monotonic()
 
@@ -45,13 +46,16 @@ def main() -> int:
             samples.append((t, resident()))
 
     result = measure("comcal", options.rate, seconds, note)
-    print(f"{options.rate} frames/s asked, {result.rate:.0f} served, {result.made} frames")
+    print(
+        f"{options.rate} frames/s asked, {result.rate:.0f} served, {result.made} frames; {priority}"
+    )
     for t, held in samples[:: max(1, len(samples) // ROWS)]:
         print(f"{t:8.1f} s {held:8.1f} MB")
     warm = max(held for t, held in samples if t <= seconds / 10 + samples[0][0])
     growth = samples[-1][1] - warm
-    print(f"lost {100 * result.lost:.3f} %; grown by {growth:.1f} MB, allowed {ALLOWED:g} MB")
-    return int(growth > ALLOWED or result.lost > 0)
+    why = "" if result.counts else f", while others took {result.others:.1f} processors"
+    print(f"lost {100 * result.lost:.3f} %{why}; grown by {growth:.1f} MB, allowed {ALLOWED:g} MB")
+    return 5 if growth > ALLOWED or (result.counts and result.lost > 0) else 0
 
 
 if __name__ == "__main__":

@@ -10,7 +10,10 @@ import pytest
 
 import comcal
 
-HEAVY = ("numpy", "scipy", "sympy", "pydantic", "ruamel", "lxml", "mcap", "rich")
+HEAVY = (
+    "numpy", "scipy", "sympy", "pydantic", "ruamel", "lxml", "mcap", "rich",
+    "can", "cantools", "canopen", "asammdf", "pandas", "rosbags", "comcal_drivers", "comcal_sims",
+)  # fmt: skip
 
 
 def loaded_after(code: str) -> set[str]:

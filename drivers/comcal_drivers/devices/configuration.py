@@ -24,7 +24,7 @@ from comcal_drivers.devices.configured import (
     SensorConfig,
 )
 from comcal_drivers.devices.configured import DeviceConfig as DeviceConfig
-from comcal_drivers.devices.description import Device, Kind, load_device, with_ids
+from comcal_drivers.devices.description import Description, Device, Kind, load_device, with_ids
 from comcal_drivers.devices.schema import (
     CanSection,
     DeviceSection,
@@ -200,7 +200,7 @@ class _Reader:
             "device": device,
             "period": section.period,
             "timeout": timeout,
-            "apart": section.apart or timeout,
+            "apart": section.apart or _apart(description, section.period, timeout),
             "counter_step": section.counter_step,
             "ignore_status": section.ignore_status,
             "ignore_where": self.where(*here, "ignore_status") if section.ignore_status else "",
@@ -367,3 +367,16 @@ def _read_matrix(path: Path) -> Array:
             next_step="write six rows of numbers, separated by blanks or commas",
         ) from error
     return _matrix([row for row in rows if row])
+
+
+def _apart(description: Description, period: float | None, timeout: float) -> float:
+    """Return how far apart the parts of a sample may be, where robot.yaml does not say.
+
+    Halves of a wrench that only their order tells apart have nothing but the pause between them to
+    show that one was lost. A drive's position and current may well come one after the other.
+    """
+    join = description.join
+    has_proof = join.signal is not None or join.request is not None or join.checksum is not None
+    if description.kind != "force_torque" or len(description.parts) < 2 or has_proof or not period:
+        return timeout
+    return min(timeout, 0.5 * period)

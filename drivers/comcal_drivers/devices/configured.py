@@ -42,7 +42,8 @@ class _AnyDevice:
     timeout : float
         Silence after which the device is stale [s]; default: that of the description.
     apart : float
-        The most that the stamps of two parts of a sample may be apart [s]; default: the timeout.
+        The most that the stamps of two parts of a sample may be apart [s]; default: the timeout,
+        or half the period of force/torque sensors whose parts nothing but their order tells apart.
         For a device with neither counter nor request, half its period makes sure that no half of
         one sample is taken for that of the next, if the adapter's stamps are that good.
     counter_step : int or None

@@ -80,6 +80,26 @@ def read(tmp_path: Path) -> Read:
     return configure
 
 
+@pytest.mark.parametrize(
+    ("device", "period", "apart"),
+    [
+        ("iit_strain", "10 ms", 0.005),
+        ("sunrise_m8123", "10 ms", 0.005),
+        ("robotous_rft", "10 ms", 0.005),
+        ("iit_strain", "1 s", 0.05),  # no longer than the time-out
+        ("jr3_uc3m", "10 ms", 0.05),  # a counter proves more
+        ("ati_netcanoem", "10 ms", 0.05),  # and so does the request
+        ("optoforce", "10 ms", 0.05),  # and the checksum
+    ],
+)
+def test_parts_that_only_their_order_tells_apart_are_half_a_period_apart_at_most(
+    read: Read, device: str, period: str, apart: float
+) -> None:
+    sensor = f"{{bus: can0, device: {device}, period: {period}, timeout: 50 ms}}"
+    config = read(f"    sensors:\n      foot_ft: {sensor}\n")
+    assert config.sensors["foot_ft"].apart == pytest.approx(apart)
+
+
 def test_everything_that_is_said_arrives_in_si(read: Read) -> None:
     config = read(BODY)
     assert config.buses["usb"].channel == "/dev/ttyACM0"

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import cache
-from importlib import metadata
 from types import MappingProxyType
 
 from comcal.effects import (
@@ -28,6 +27,7 @@ from comcal.effects.effect import Effect, State
 from comcal.errors import ConfigError
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
+from comcal.robot.brought import brought
 from comcal.robot.changes import Change
 from comcal.robot.effect_specs import GROUP as SPECS
 from comcal.robot.effect_specs import effect_specs
@@ -57,23 +57,9 @@ def effects() -> Mapping[str, Effect]:
         mistakes,
     ):
         found.update({effect.name: effect for effect in module.EFFECTS})
-    for entry in metadata.entry_points(group=GROUP):
-        brought: object = entry.load()
-        for effect in brought if isinstance(brought, Iterable) else (brought,):
-            if not isinstance(effect, Effect):
-                raise ConfigError(
-                    f"entry point {entry.name!r} brings something that is no effect",
-                    where=entry.value,
-                    next_step="let it name an Effect or a sequence of them",
-                )
-            if effect.name in found:
-                raise ConfigError(
-                    f"there are two effects called {effect.name!r}",
-                    where=entry.value,
-                    next_step="remove one of the packages",
-                )
-            _check_keys(effect, entry.value)
-            found[effect.name] = effect
+    for effect, where in brought(GROUP, Effect, tuple(found)):
+        _check_keys(effect, where)
+        found[effect.name] = effect
     return MappingProxyType(found)
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Protocol, runtime_checkable
 
+from comcal.errors import UsageError
 from comcal.measure.plan import PlannedPose
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
@@ -185,6 +186,21 @@ class SourceRequest:
     options: Mapping[str, object] | None = None
     directory: Path | None = None
     plan: tuple[PlannedPose, ...] = ()
+
+    def refuse_effects(self) -> None:
+        """Refuse to hide effects: for sources of what has really been measured.
+
+        Raises
+        ------
+        UsageError
+            If any are asked for.
+        """
+        if self.effects:
+            raise UsageError(
+                "effects can be hidden in simulated robots only",
+                where="--effect",
+                next_step="leave it out, or take a simulated source",
+            )
 
 
 @dataclass(frozen=True)

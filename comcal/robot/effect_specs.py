@@ -8,12 +8,11 @@ them; what it does, by the entry point ``comcal.effects``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
-from importlib import metadata
 from types import MappingProxyType
 
-from comcal.errors import ConfigError
+from comcal.robot.brought import brought
 from comcal.robot.changes_kinds import EffectSpec
 from comcal.robot.changes_table import EFFECTS
 
@@ -30,20 +29,5 @@ def effect_specs() -> Mapping[str, EffectSpec]:
         If an entry point names something else, or there are two effects of one name.
     """
     found = dict(EFFECTS)
-    for entry in metadata.entry_points(group=GROUP):
-        brought: object = entry.load()
-        for spec in brought if isinstance(brought, Iterable) else (brought,):
-            if not isinstance(spec, EffectSpec):
-                raise ConfigError(
-                    f"entry point {entry.name!r} brings something that is no EffectSpec",
-                    where=entry.value,
-                    next_step="let it name an EffectSpec or a sequence of them",
-                )
-            if spec.name in found:
-                raise ConfigError(
-                    f"there are two effects called {spec.name!r}",
-                    where=entry.value,
-                    next_step="remove one of the packages",
-                )
-            found[spec.name] = spec
+    found.update({spec.name: spec for spec, _ in brought(GROUP, EffectSpec, EFFECTS)})
     return MappingProxyType(found)

@@ -46,11 +46,6 @@ class MappedObject:
     title: str = ""
 
     @property
-    def is_filler(self) -> bool:
-        """Whether the entry carries no value."""
-        return self.index <= LAST_DUMMY
-
-    @property
     def signal(self) -> str:
         """Name of its signal."""
         return signal_name(self.index, self.subindex)

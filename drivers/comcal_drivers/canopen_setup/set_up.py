@@ -62,6 +62,11 @@ def set_up_drives(
     return facts
 
 
+def nmt_start(node: int) -> can.Message:
+    """Return the frame that makes a node OPERATIONAL (CiA 301, NMT): from then on it sends PDOs."""
+    return can.Message(arbitration_id=0x000, data=bytes([0x01, node]), is_extended_id=False)
+
+
 def rated_values(facts: DriveFacts) -> dict[str, float]:
     """Return the rated values that the drive told, as device values of its calibration."""
     told = {"rated_current": facts.rated_current, "rated_torque": facts.rated_torque}

@@ -74,8 +74,6 @@ class Assembler:
         Of that device.
     joints : int
         Number of joints of the robot; NaN where none of the devices speaks for one.
-    rows : int
-        Made so far.
     gaps : mapping from device to int
         Rows in which it owed its part, so far.
     """
@@ -84,7 +82,6 @@ class Assembler:
     clock: str
     time: SampleClock
     joints: int
-    rows: int = 0
     gaps: dict[str, int] = field(default_factory=dict[str, int])
     _after: int = -1
     _is_whole: bool = True
@@ -125,7 +122,6 @@ class Assembler:
         for slot in self.slots:
             gaps = int(np.count_nonzero(~slot.usable(taken[slot.name])))
             self.gaps[slot.name] = self.gaps.get(slot.name, 0) + gaps
-        self.rows += len(t)
         return self._block(t, taken)
 
     def _settled(self, pending: Mapping[str, Pending]) -> Series:

@@ -16,7 +16,7 @@ from comcal.measure.source import Block, SourceRequest, SourceStatus
 from comcal_drivers.bus.open import open_bus
 from comcal_drivers.bus.reader import BusReader
 from comcal_drivers.canopen_setup.conflicts import is_canopen, node_of, sync_conflict
-from comcal_drivers.canopen_setup.set_up import rated_values, set_up_drives
+from comcal_drivers.canopen_setup.set_up import nmt_start, rated_values, set_up_drives
 from comcal_drivers.devices.commands import DeviceValues
 from comcal_drivers.devices.configuration import BusConfig, CanConfig, read_configuration
 from comcal_drivers.frames.batch import FrameBatch
@@ -116,7 +116,7 @@ class CanSource:
     def drop_earlier(self) -> None:
         """Let :meth:`read` begin with samples that are measured from now on."""
         for bus, reader in self._readers.items():
-            self._feed({bus: reader.take()})
+            self._stream.feed({bus: reader.take()})
         self._begin()
 
     def send(self, message: can.Message, bus: str | None = None) -> None:
@@ -145,11 +145,11 @@ class CanSource:
                 if bus == self._main_bus:
                     at = next((k for k in range(len(batch)) if wanted(batch, k)), -1)
                 if at < 0:
-                    self._feed({bus: batch})
+                    self._stream.feed({bus: batch})
                     continue
-                self._feed({bus: take(batch, np.arange(at + 1))})
+                self._stream.feed({bus: take(batch, np.arange(at + 1))})
                 self._begin()
-                self._ready = self._feed({bus: take(batch, np.arange(at + 1, len(batch)))})
+                self._ready = self._stream.feed({bus: take(batch, np.arange(at + 1, len(batch)))})
                 return batch.data[at, : batch.lengths[at]].tobytes()
         return None
 
@@ -231,7 +231,7 @@ class CanSource:
             devices = self._config.devices(name)
             for config in devices:
                 if is_canopen(config.device):
-                    reader.send(_nmt_start(node_of(config.device)))
+                    reader.send(nmt_start(node_of(config.device)))
             self._pollers.append(Poller(reader.send, requests_of(devices)))
         self._log.tell(self._told, self._facts)
 
@@ -248,9 +248,6 @@ class CanSource:
         self._reading.close()
         self._reading = BlockReader(self._blocks)
 
-    def _feed(self, batches: dict[str, FrameBatch]) -> Block:
-        return self._stream.feed(batches)
-
     def _blocks(self, start: float) -> Iterator[Block]:
         """Yield blocks as they come, until nothing comes any more."""
         del start  # a bus has no past
@@ -259,7 +256,7 @@ class CanSource:
             if self._ready is not None:
                 block, self._ready = self._ready, None
             else:
-                block = self._feed(
+                block = self._stream.feed(
                     {
                         name: reader.take(WAIT if k == 0 else 0.0)
                         for k, (name, reader) in enumerate(self._readers.items())
@@ -303,10 +300,6 @@ class CanSource:
         )
 
 
-def _nmt_start(node: int) -> can.Message:
-    return can.Message(arbitration_id=0x000, data=bytes([0x01, node]), is_extended_id=False)
-
-
 def open_can(request: SourceRequest) -> CanSource:
     """Open the buses of ``sources.can`` in robot.yaml.
 
@@ -323,4 +316,5 @@ def open_can(request: SourceRequest) -> CanSource:
     HardwareError
         If a bus or a device does not answer.
     """
+    request.refuse_effects()
     return CanSource(read_configuration(request.options or {}, request.robot), request)

@@ -7,12 +7,10 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 
 from comcal.errors import ConfigError, UsageError
-from comcal.measure.plan import PlannedPose
 from comcal.measure.source import Block, SourceRequest, SourceStatus
 from comcal.robot.model import Robot
 from comcal_drivers.bus.error_frames import bus_off_rows, is_gap
@@ -21,6 +19,7 @@ from comcal_drivers.devices.configuration import CanConfig, read_configuration
 from comcal_drivers.frames.batch import ERROR, FrameBatch
 from comcal_drivers.frames.logs import read_log
 from comcal_drivers.replay.seek import Order, PoseSeeker, SeekOptions
+from comcal_drivers.replay.source import LogSource
 from comcal_drivers.source.fitted import fitted
 from comcal_drivers.source.logs import FOLDER, devices_told, first_stamp
 from comcal_drivers.source.stream import SampleStream
@@ -117,36 +116,24 @@ class CanLog:
         return [path for _, _, path in sorted(found)]
 
 
-class ReplaySource:
-    """A log of frames as source and commander; see :class:`PoseSeeker`.
+class ReplaySource(LogSource):
+    """A log of frames as source and commander.
 
     Parameters
     ----------
     log : CanLog
     seeker : PoseSeeker
+        Over the same log.
     """
 
     def __init__(self, log: CanLog, seeker: PoseSeeker) -> None:
-        self._log, self._seeker = log, seeker
+        super().__init__(seeker)
+        self._log = log
 
     @property
     def name(self) -> str:
         """The log."""
         return f"frames of {self._log.path.name}"
-
-    def move_to(self, pose: PlannedPose) -> None:
-        """Go to where the robot stood in *pose*.
-
-        Raises
-        ------
-        NotReachedError
-            If it never stood there.
-        """
-        self._seeker.move_to(pose)
-
-    def read(self, duration: float) -> Block:
-        """Return the samples of the next *duration* seconds of the log."""
-        return self._seeker.read(duration)
 
     def status(self) -> SourceStatus:
         """Return what was lost in what has been read of the log so far."""
@@ -156,21 +143,6 @@ class ReplaySource:
         torn = {"torn lines": self._log.torn} if self._log.torn else {}
         noted = {name: count for name, count in self._log.noted.items() if count}
         return SourceStatus({}, {**stream.lost, **noted, **torn}, stream.notes)
-
-    def close(self) -> None:
-        """Close the log."""
-        self._seeker.close()
-
-    def __enter__(self) -> ReplaySource:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def open_replay(request: SourceRequest) -> ReplaySource:
@@ -189,12 +161,7 @@ def open_replay(request: SourceRequest) -> ReplaySource:
     ConfigError
         If ``sources.can`` is missing or wrong.
     """
-    if request.effects:
-        raise UsageError(
-            "effects can be hidden in simulated robots only",
-            where="--effect",
-            next_step="leave it out, or take a simulated source",
-        )
+    request.refuse_effects()
     path = Path(request.argument).expanduser()
     if not request.argument or not path.exists():
         raise UsageError(

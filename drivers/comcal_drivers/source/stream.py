@@ -105,11 +105,6 @@ class SampleStream:
         return {name: count for name, count in found.items() if count}
 
     @property
-    def rows(self) -> int:
-        """Rows made so far."""
-        return self._assembler.rows
-
-    @property
     def notes(self) -> tuple[str, ...]:
         """What status words and clocks said, in sentences."""
         found = [

@@ -21,7 +21,8 @@ from comcal_drivers.canopen_setup.facts import (
     require_rated,
 )
 from comcal_drivers.canopen_setup.sdo import Drive, MissingObjectError, open_network
-from comcal_drivers.canopen_setup.stream import start_streaming
+from comcal_drivers.canopen_setup.set_up import nmt_start
+from comcal_drivers.source.requests import SYNC, Poller, Request
 
 POSITION, CURRENT, TORQUE, STATUS = 0x60640020, 0x60780010, 0x60770010, 0x60410010
 LAB = [("$NODEID+0x180", 1, [POSITION, CURRENT, STATUS])]
@@ -166,19 +167,15 @@ def test_set_up_leaves_the_bus_open_and_unfiltered(
         assert [m.arbitration_id for m in received(bus, 1)] == [0x123]
 
 
-def test_streaming_starts_the_nodes_and_gives_the_sync(
+def test_nodes_are_started_and_given_the_sync(
     write_eds: Callable[..., Path], start_drive: Start, bus: can.BusABC, channel: str
 ):
     local = start_drive(write_eds(LAB), 1)
     with can.Bus(interface="virtual", channel=channel) as listener:
-        streaming = start_streaming(bus, [1], sync_period=0.01)
+        bus.send(nmt_start(1))
+        poller = Poller(bus.send, [Request(0.01, SYNC)])
         frames = [(m.arbitration_id, bytes(m.data)) for m in received(listener, 6)]
-        streaming.stop()
-        streaming.stop()
+        poller.close()
     assert frames == [(0x000, b"\x01\x01"), *[(0x080, b"")] * 5]
+    assert poller.failed == 0
     assert local.nmt.state == "OPERATIONAL"
-    streaming.stop(leave_running=False)
-    deadline = time.monotonic() + 2.0
-    while local.nmt.state != "PRE-OPERATIONAL" and time.monotonic() < deadline:
-        time.sleep(0.005)
-    assert local.nmt.state == "PRE-OPERATIONAL"

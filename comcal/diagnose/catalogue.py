@@ -13,10 +13,12 @@ import numpy.typing as npt
 from comcal.diagnose.candidates import Candidate, columns
 from comcal.diagnose.linear import Linear
 from comcal.robot.changes import ALL, spec_of
-from comcal.robot.changes_table import CHANNELS
 from comcal.robot.healthy import healthy_spreads
 from comcal.robot.model import Robot
 from comcal.robot.tree import Array
+
+Coordinate = tuple[str, str, str]
+"""Effect, target and key."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ def catalogue(
     candidates: Sequence[Candidate],
     robot: Robot,
     looked_for: Container[str] | None = None,
-    tares: Mapping[str, Array] | None = None,
+    also: Mapping[Coordinate, float] | None = None,
 ) -> Catalogue:
     """Put candidates side by side.
 
@@ -111,8 +113,8 @@ def catalogue(
         Whose tolerances count.
     looked_for : container of str, optional
         Effects that may be faults; others only have their healthy spread. Default: all.
-    tares : mapping from sensor to array, shape (6, 6), optional
-        Covariance of the offsets that were subtracted: what is left of them may be so large.
+    also : mapping from (effect, target, key) to float, optional
+        Standard deviations of what may be there beside the healthy spread.
     """
     spreads = healthy_spreads(robot)
     fault: list[float] = []
@@ -128,7 +130,8 @@ def catalogue(
             fault.append(size)
             family.append(of)
             spread = scale * spreads.get(of, 0.0) if of else 0.0
-            healthy.append(float(np.hypot(spread, _of_tare(candidate, key, tares or {}))))
+            more = (also or {}).get((candidate.effect.name, candidate.target, key), 0.0)
+            healthy.append(float(np.hypot(spread, more)))
             known = keys.get(key)  # a free couple has no key
             bounded = known is not None and known.least == 0.0
             positive.append(bounded and key not in candidate.effect.moments)
@@ -146,11 +149,3 @@ def catalogue(
 
 def _mass(robot: Robot, link: str) -> float:
     return robot.tree.links[robot.tree.link_index[link]].mass
-
-
-def _of_tare(candidate: Candidate, key: str, tares: Mapping[str, Array]) -> float:
-    """Return the standard deviation of the offset that a tare leaves in a channel; 0 of others."""
-    if candidate.effect.name != "ft_bias" or candidate.target not in tares:
-        return 0.0
-    channel = CHANNELS.index(key)
-    return float(np.sqrt(tares[candidate.target][channel, channel]))

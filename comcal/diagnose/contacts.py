@@ -4,6 +4,10 @@
 There are as many of these causes as links times poses, so only the best is ever written out; its
 columns are cut to its pose before anything is whitened. In one pose a force somewhere on a link is
 any wrench without a part of its couple along it; where it acts follows from both.
+
+Wrenches count about the link's CoM, which a hand is about as far from as from anything else on the
+link. Of a robot that hangs, only torques tell of a touch: about a joint's own axis that would be
+a couple without any force, which no hand makes.
 """
 
 from __future__ import annotations
@@ -18,9 +22,8 @@ from comcal.diagnose.candidates import Candidate
 from comcal.diagnose.catalogue import Catalogue, catalogue
 from comcal.diagnose.scene import Scene
 from comcal.effects.registry import effects
-from comcal.predict.parity import placed
-from comcal.predict.standing import world_axes
 from comcal.robot.changes import Change, Value
+from comcal.robot.frames import cross
 from comcal.robot.tree import Array
 
 EFFECT = "external_contact"
@@ -32,15 +35,18 @@ FAULT = np.array([20.0, 20.0, 20.0, 5.0, 5.0, 5.0])
 
 @dataclass(frozen=True)
 class WrenchInPose(Candidate):
-    """A contact in one pose, by its wrench at the link's origin in axes of P.
+    """A contact in one pose, by its wrench at the link's CoM in axes of P.
 
     Parameters
     ----------
     R_link_P : array, shape (3, 3)
         In that pose.
+    com : array, shape (3,)
+        Of the link [m], in its frame.
     """
 
     R_link_P: Array = field(default_factory=lambda: np.eye(3))
+    com: Array = field(default_factory=lambda: np.zeros(3))
 
     @property
     def fault(self) -> Array:
@@ -48,12 +54,12 @@ class WrenchInPose(Candidate):
         return FAULT
 
     def change(self, coordinates: Array) -> Change:
-        """Return the force, at the point of its line that is nearest to the link's origin."""
+        """Return the force, at the point of its line that is nearest to the link's CoM."""
         force, couple = coordinates[:3], coordinates[3:]
         square = float(force @ force)
         point = np.cross(force, couple) / square if square else np.zeros(3)
         names = [*_FORCE, *_POINT]
-        numbers = [*force.tolist(), *(self.R_link_P @ point).tolist()]
+        numbers = [*force.tolist(), *(self.com + self.R_link_P @ point).tolist()]
         parameters: dict[str, Value] = dict(zip(names, numbers, strict=True))
         parameters["poses"] = self.poses or ()
         return Change(self.effect.name, self.target, parameters)
@@ -120,8 +126,9 @@ def log_odds_of(K: Array, b: Array) -> Array:
 def with_contact(about: Scene, contact: Contact) -> Scene:
     """Return the scene with a contact as one more candidate, the last one."""
     tree, table = about.at.assumed.robot.tree, about.at.table
-    name, pose = tree.links[contact.link].name, table.pose[contact.pose]
-    candidate = WrenchInPose(effects()[EFFECT], name, KEYS, (pose,), _axes(about, contact))
+    link, pose = tree.links[contact.link], table.pose[contact.pose]
+    R_link_P = about.at.links.R_link_P[contact.pose, contact.link]
+    candidate = WrenchInPose(effects()[EFFECT], link.name, KEYS, (pose,), R_link_P, link.com)
     here = (about.at.at.pose == contact.pose)[:, None]
     raw = -_wrenches(about, contact.link) * here
     one = catalogue([candidate], about.at.assumed.robot)
@@ -136,18 +143,13 @@ def with_contact(about: Scene, contact: Contact) -> Scene:
 
 
 def _wrenches(about: Scene, link: int) -> Array:
-    """Return how residuals move per unit of force and couple on a link, shape (n, 6)."""
-    links = about.at.links
-    return np.concatenate([links.by_force[:, link], links.by_couple[:, link]], axis=1)
-
-
-def _axes(about: Scene, contact: Contact) -> Array:
-    """Return R_link_P of the contact's link in its pose."""
-    assumed, table = about.at.assumed, about.at.table.select([contact.pose])
-    balance, _, standing = placed(assumed, table, table.support[0])
-    hanging = world_axes(balance.direction)[0]
-    R_root_P = hanging if standing is None else standing.R_root_P[0]
-    return np.asarray(balance.placements.R[0, contact.link].T @ R_root_P, np.float64)
+    """Return how residuals move per unit of force and couple at a link's CoM, shape (n, 6)."""
+    links, com = about.at.links, about.at.assumed.robot.tree.links[link].com
+    by_couple = links.by_couple[:, link]
+    lever = np.swapaxes(links.R_link_P[:, link], 1, 2) @ com
+    # A force there is one at the origin together with a couple, lever x force.
+    by_force = links.by_force[:, link] - cross(lever[about.at.at.pose], by_couple)
+    return np.concatenate([by_force, by_couple], axis=1)
 
 
 def _joined(a: Catalogue, b: Catalogue) -> Catalogue:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from comcal.diagnose.advice import missing_channels, what_would_decide
 from comcal.diagnose.candidates import candidates
-from comcal.diagnose.catalogue import Catalogue, catalogue
+from comcal.diagnose.catalogue import Catalogue, Coordinate, catalogue
 from comcal.diagnose.causes import cause_of, groups_of, outright
 from comcal.diagnose.channels import (
     RowFit,
@@ -34,11 +34,13 @@ from comcal.diagnose.scene import Scene, scene
 from comcal.diagnose.sentence import sentence
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
+from comcal.robot.changes_table import CHANNELS
 
 HEALTHY_P = 1e-3
 """With no cause named, a smaller p is not healthy."""
 MISFIT_P = 1e-4
 """After causes were named, a smaller p means that they are not all."""
+UNFIT = "causes were not looked for: what is left of the readings is not fit for it; record again"
 VISIBLE = 3.0
 """A fault of fewer sigmas cannot be seen by these poses."""
 
@@ -80,7 +82,8 @@ def _diagnosed(
     gated = gates(assumed, table)
     undone = screen_mistakes(assumed, gated.table) if causes is None else ()
     table = undone[-1].table if undone else gated.table
-    about = scene(_catalogue(assumed, table, causes), (assumed, table))
+    looked_for = causes if gated.is_fit else ()
+    about = scene(_catalogue(assumed, table, looked_for, gated.leaves), (assumed, table))
     named = _named(about, learn)
     about = replace(about, scales=named.scene.scales)
     fits = row_fits(about, named)
@@ -100,7 +103,7 @@ def _diagnosed(
     return Diagnosis(
         verdict=verdict,
         sentence=sentence(
-            verdict, every, groups, gated.findings, place, channels, is_all=causes is None
+            verdict, every, groups, gated.findings, place, channels, is_all=looked_for is None
         ),
         causes=every,
         groups=groups,
@@ -113,7 +116,7 @@ def _diagnosed(
         ladder=named.ladder,
         scales=dict(named.scene.scales),
         blind=_blind(about),
-        notes=missing_channels(assumed.robot, table),
+        notes=(*(() if gated.is_fit else (UNFIT,)), *missing_channels(assumed.robot, table)),
         poses=len(table),
         used_rows=about.products.rows,
         held_out=() if worth is None else worth.quantities,
@@ -121,10 +124,25 @@ def _diagnosed(
     )
 
 
-def _catalogue(assumed: Assumed, table: PoseTable, causes: Sequence[str] | None) -> Catalogue:
+def _catalogue(
+    assumed: Assumed,
+    table: PoseTable,
+    causes: Sequence[str] | None,
+    leaves: Mapping[Coordinate, float],
+) -> Catalogue:
     known = candidates(assumed.robot, table)
     looked_for = None if causes is None else set(causes)
-    return catalogue(known, assumed.robot, looked_for, table.tare_cov)
+    return catalogue(known, assumed.robot, looked_for, _also(table, leaves))
+
+
+def _also(table: PoseTable, leaves: Mapping[Coordinate, float]) -> Mapping[Coordinate, float]:
+    """Add what the offsets that were subtracted may leave to what gates do."""
+    found = dict(leaves)
+    for sensor, cov in table.tare_cov.items():
+        for channel, variance in zip(CHANNELS, np.diag(cov).tolist(), strict=True):
+            place = "ft_bias", sensor, channel
+            found[place] = float(np.hypot(np.sqrt(variance), found.get(place, 0.0)))
+    return found
 
 
 def _named(about: Scene, learn: bool) -> Named:

@@ -4,15 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import ndtri, stdtrit
+from scipy.linalg import cho_factor, cho_solve
+from scipy.special import ndtri
 
 from comcal.diagnose.diagnosis import Gain, HeldOut
-from comcal.diagnose.evidence import whole
-from comcal.diagnose.metric import Products, metric, products
+from comcal.diagnose.evidence import explained
+from comcal.diagnose.held_out import quantities
 from comcal.diagnose.naming import Named
 from comcal.diagnose.scene import Scene
 from comcal.robot.tree import Array
@@ -43,6 +44,26 @@ class Gains:
     quantities: tuple[HeldOut, ...]
 
 
+@dataclass(frozen=True)
+class _Loss:
+    """Held-out errors with some of the causes.
+
+    Parameters
+    ----------
+    squares : float
+        Of all poses that were held out, against noise and healthy spread.
+    left : array, shape (n,)
+        Residuals.
+    slope : array, shape (m,)
+        Of the squares, with the whitened readings: of poses held out and, by way of the
+        parameters, of those that took part.
+    """
+
+    squares: float
+    left: Array
+    slope: Array
+
+
 def gains(named: Named) -> Gains | None:
     """Cross-validate the causes over poses; None where there are too few poses.
 
@@ -53,30 +74,19 @@ def gains(named: Named) -> Gains | None:
     poses = np.unique(scene.by.pose)
     if len(poses) < LEAST_POSES or not causes:
         return None
-    fold_of = _folds(scene, poses)
-    sets = [causes, *(tuple(c for c in causes if c != i) for i in causes), ()]
-    raw_left = [_nominal(scene, named) for _ in sets]
-    for fold in range(FOLDS):
-        held = np.isin(scene.by.pose, poses[fold_of == fold])
-        train = scene.products - products(scene.X[held], scene.r[held])
-        rows = np.isin(scene.at.at.pose, poses[fold_of == fold])
-        for k, some in enumerate(sets):
-            x = _fitted(scene, train, some)
-            raw_left[k][rows] -= (scene.raw @ x)[rows]
-    errors = [_by_pose(scene, left) for left in raw_left]
-    rows = np.array([len(r) for r in scene.by.rows])
+    of = _Folds(scene, causes, _dealt(scene, poses), poses)
+    whole, none = of.loss(causes), of.loss(())
+    without = [of.loss(tuple(c for c in causes if c != i)) for i in causes]
+    rows = sum(len(r) for r in scene.by.rows)
     return Gains(
-        tuple(
-            _gain(errors[1 + k], errors[0], _by_pose(scene, raw_left[1 + k] - raw_left[0]))
-            for k in range(len(causes))
-        ),
-        float(errors[-1].sum() / rows.sum()),
-        float(errors[0].sum() / rows.sum()),
-        _quantities(scene, raw_left[-1], raw_left[0]),
+        tuple(_gain(loss, whole) for loss in without),
+        none.squares / rows,
+        whole.squares / rows,
+        quantities(scene, none.left, whole.left),
     )
 
 
-def _folds(scene: Scene, poses: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+def _dealt(scene: Scene, poses: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
     """Deal the poses of every support out to the folds in turn."""
     order = np.argsort([scene.at.table.support[pose] for pose in poses], kind="stable")
     found = np.zeros(len(poses), np.intp)
@@ -84,114 +94,122 @@ def _folds(scene: Scene, poses: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
     return found
 
 
-def _nominal(scene: Scene, named: Named) -> Array:
-    """Return the residuals of the model as given that belong to the linearised causes, (n,)."""
-    left = np.zeros(scene.by.n)
-    for rows, root, mine in zip(scene.by.rows, scene.by.roots, _split(scene, scene.r), strict=True):
-        left[rows] = root @ mine
-    return left
-
-
-def _split(scene: Scene, whitened: Array) -> list[Array]:
-    return np.split(whitened, np.cumsum([len(rows) for rows in scene.by.rows])[:-1])
-
-
-def _fitted(scene: Scene, train: Products, causes: Sequence[int]) -> Array:
-    """Return all coordinates, zero but for the causes, shape (p,)."""
-    x = np.zeros(len(scene.of.fault))
-    if causes:
-        at = np.concatenate(
-            [np.arange(scene.of.slices[i].start, scene.of.slices[i].stop) for i in causes]
-        )
-        against = metric(train, scene.of.spread(scene.scales))
-        x[at] = whole(scene.of, tuple(causes), against).coordinates
-    return x
-
-
-def _by_pose(scene: Scene, left: Array) -> Array:
-    """Return r^T C^-1 r of every pose by itself, shape (N,)."""
-    spread = scene.of.spread(scene.scales)
-    at = np.flatnonzero(spread)
-    white = scene.by.turned(left)
-    found: list[float] = []
-    for rows, mine in zip(scene.by.rows, scene.by.slices, strict=True):
-        T = scene.X[mine][:, at] * spread[at]
-        C = T @ T.T + np.eye(len(rows))
-        found.append(float(white[mine] @ np.linalg.solve(C, white[mine])) if len(rows) else 0.0)
-    return np.array(found)
-
-
-def _gain(before: Array, after: Array, shift: Array) -> Gain:
-    """Return the share removed, and its interval.
-
-    At these poses the gain is d^T C^-1 (2 r - d), d what the cause changes and r what is left
-    without it: noise in r makes its standard deviation 2 |d|. Its scatter over poses would only
-    say that some poses show the cause and others do not.
+@dataclass(frozen=True)
+class _Fit:
+    """What fits causes without one fold.
 
     Parameters
     ----------
-    before, after, shift : array, shape (N,)
-        Squared norms of r, r - d and d, pose by pose.
+    held, train : array of bool, shape (m,)
+    rows : array of bool, shape (n,)
+        The residuals that are held out.
+    X : array, shape (m_train, k)
+        Columns of all causes, whitened by noise.
+    weighted : array, shape (m_train, k)
+        C^-1 X.
+    K, b : array, shape (k, k), (k,)
+        X^T C^-1 X and X^T C^-1 r.
     """
-    scale = float(before.sum()) or 1.0
-    gained = float((before - after).sum())
-    half = Z * 2.0 * float(np.sqrt(shift.sum()))
+
+    held: npt.NDArray[np.bool_]
+    train: npt.NDArray[np.bool_]
+    rows: npt.NDArray[np.bool_]
+    X: Array
+    weighted: Array
+    K: Array
+    b: Array
+
+
+@dataclass
+class _Folds:
+    """Fits of any of the causes without each fold."""
+
+    scene: Scene
+    causes: tuple[int, ...]
+    dealt: npt.NDArray[np.intp]
+    poses: npt.NDArray[np.intp]
+    fits: list[_Fit] = field(default_factory=list[_Fit])
+    at: npt.NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
+
+    def __post_init__(self) -> None:
+        scene = self.scene
+        self.at = _coordinates(scene, self.causes)
+        spread = scene.of.spread(scene.scales)
+        healthy = np.flatnonzero(spread)
+        for fold in range(FOLDS):
+            away = self.poses[self.dealt == fold]
+            held = np.isin(scene.by.pose, away)
+            T = scene.X[~held][:, healthy] * spread[healthy]
+            C = T @ T.T
+            C[np.diag_indices_from(C)] += 1.0
+            X = scene.X[~held][:, self.at]
+            weighted = cho_solve(cho_factor(C, lower=True), X)
+            rows = np.isin(scene.at.at.pose, away)
+            b = weighted.T @ scene.r[~held]
+            self.fits.append(_Fit(held, ~held, rows, X, weighted, X.T @ weighted, b))
+
+    def loss(self, some: tuple[int, ...]) -> _Loss:
+        """Return the errors of poses held out, with some of the causes in the model."""
+        scene, by = self.scene, self.scene.by
+        at = _coordinates(scene, some)
+        mine = np.flatnonzero(np.isin(self.at, at))
+        left = _nominal(scene)
+        fitted: list[Array] = []
+        for fit in self.fits:
+            of = scene.of
+            found = explained(
+                fit.K[np.ix_(mine, mine)],
+                fit.b[mine],
+                of.fault[at],
+                of.positive[at],
+                of.required[at],
+            )
+            left[fit.rows] -= scene.raw[fit.rows][:, at] @ found.coordinates
+            fitted.append(found.cov)
+        white = by.turned(left)
+        weighted = _weighted(scene, white)
+        slope = 2.0 * weighted
+        for fit, cov in zip(self.fits, fitted, strict=True):
+            by_parameters = 2.0 * scene.X[fit.held][:, at].T @ weighted[fit.held]
+            slope[fit.train] -= fit.weighted[:, mine] @ (cov @ by_parameters)
+        return _Loss(float(white @ weighted), left, slope)
+
+
+def _coordinates(scene: Scene, causes: Sequence[int]) -> npt.NDArray[np.intp]:
+    parts = [np.arange(scene.of.slices[i].start, scene.of.slices[i].stop) for i in causes]
+    return np.concatenate(parts) if parts else np.zeros(0, np.intp)
+
+
+def _nominal(scene: Scene) -> Array:
+    """Return the residuals of the model as given that belong to the linearised causes, (n,)."""
+    left = np.zeros(scene.by.n)
+    for rows, root, mine in zip(scene.by.rows, scene.by.roots, scene.by.slices, strict=True):
+        left[rows] = root @ scene.r[mine]
+    return left
+
+
+def _weighted(scene: Scene, white: Array) -> Array:
+    """Return C^-1 r with the covariance C of every pose by itself, whitened by noise, (m,)."""
+    spread = scene.of.spread(scene.scales)
+    healthy = np.flatnonzero(spread)
+    found = np.zeros_like(white)
+    for mine in scene.by.slices:
+        T = scene.X[mine][:, healthy] * spread[healthy]
+        C = T @ T.T
+        C[np.diag_indices_from(C)] += 1.0
+        found[mine] = np.linalg.solve(C, white[mine])
+    return found
+
+
+def _gain(before: _Loss, after: _Loss) -> Gain:
+    """Return the share removed, and its interval.
+
+    Were the same robot to stand in these poses again, its healthy errors would be the same and
+    only the noise of its readings another: the gain moves by its slope times the noise, to first
+    order. Its scatter over poses would only say that some show the cause and others do not.
+    """
+    scale = before.squares or 1.0
+    gained = before.squares - after.squares
+    half = Z * float(np.linalg.norm(before.slope - after.slope))
     # Noise may let it look like more, but nobody gains more than all there is.
     return Gain(gained / scale, ((gained - half) / scale, min((gained + half) / scale, 1.0)))
-
-
-def _interval(values: Array) -> tuple[float, float]:
-    n = len(values)
-    mean = float(values.mean())
-    half = float(stdtrit(n - 1, 0.5 + CONFIDENCE / 2) * values.std(ddof=1) / np.sqrt(n))
-    return mean - half, mean + half
-
-
-def _quantities(scene: Scene, before: Array, after: Array) -> tuple[HeldOut, ...]:
-    """Return root mean squares in units, with the interval of what was gained over poses."""
-    valid = np.zeros(scene.by.n, np.bool_)
-    valid[scene.by.used] = True
-    robot = scene.at.assumed.robot
-    weight = float(robot.tree.masses.sum()) * robot.gravity
-    rows = scene.at.at.row
-    kinds = {
-        "foot force": ("N", 1.0, [r.kind == "equilibrium" and r.axis[0] == "F" for r in rows]),
-        "foot moment": ("N m", 1.0, [r.kind == "equilibrium" and r.axis[0] == "M" for r in rows]),
-        "CoM": (
-            "mm",
-            1e3 / weight,
-            [r.kind == "equilibrium" and r.axis in ("Mx", "My") for r in rows],
-        ),
-        "joint torque": ("N m", 1.0, [r.kind == "torque" for r in rows]),
-    }
-    found: list[HeldOut] = []
-    for name, (unit, factor, mine) in kinds.items():
-        chosen = np.array(mine, np.bool_) & valid
-        if chosen.any():
-            found.append(_held_out(name, unit, factor, scene.at.at.pose, chosen, before, after))
-    return tuple(found)
-
-
-def _held_out(
-    name: str,
-    unit: str,
-    factor: float,
-    pose: npt.NDArray[np.intp],
-    chosen: npt.NDArray[np.bool_],
-    before: Array,
-    after: Array,
-) -> HeldOut:
-    poses = np.unique(pose[chosen])
-    # Of moments about two axes the CoM's distance is the sum of squares; of others the mean.
-    per = 2.0 if name == "CoM" else 1.0
-    squares = [
-        np.array([np.mean((factor * left[chosen & (pose == p)]) ** 2) * per for p in poses])
-        for left in (before, after)
-    ]
-    interval = (float("nan"), float("nan"))
-    if len(poses) > 1:
-        a, b = (np.sqrt(s) for s in squares)
-        interval = _interval(a - b)
-    return HeldOut(
-        name, unit, float(np.sqrt(squares[0].mean())), float(np.sqrt(squares[1].mean())), interval
-    )

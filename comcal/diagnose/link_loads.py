@@ -31,11 +31,14 @@ class LinkLoads:
     by_force, by_couple : array, shape (n, n_links, 3)
         Of a force at its origin [1/N], and of a couple [1/(N m)], in axes of P; of a hanging
         robot, in axes of the world.
+    R_link_P : array, shape (N, n_links, 3, 3)
+        Those axes in each link, pose by pose.
     """
 
     by_weight: Array
     by_force: Array
     by_couple: Array
+    R_link_P: Array
 
 
 def link_loads(assumed: Assumed, table: PoseTable, at: Parity) -> LinkLoads:
@@ -52,6 +55,7 @@ def link_loads(assumed: Assumed, table: PoseTable, at: Parity) -> LinkLoads:
     by_weight = np.zeros((len(at.values), n_links, 4))
     by_force = np.zeros((len(at.values), n_links, 3))
     by_couple = np.zeros((len(at.values), n_links, 3))
+    R_link_P = np.zeros((len(table), n_links, 3, 3))
     supports = np.array(table.support)[at.pose]
     for support in sorted(set(table.support)):
         block = np.flatnonzero(supports == support)
@@ -63,6 +67,7 @@ def link_loads(assumed: Assumed, table: PoseTable, at: Parity) -> LinkLoads:
         P = world_axes(balance.direction), np.zeros((len(index), 3))
         if standing is not None:
             P = standing.R_root_P, standing.p_root_P
+        R_link_P[index] = np.nan_to_num(np.swapaxes(R, 2, 3) @ P[0][:, None])
         rows = [at.row[i] for i in block[: len(block) // len(index)]]
         cuts = {cut.sensor: cut for cut in cuts_of(assumed.robot, carrier)}
         felt = _felt(balance, P, cuts, [(row.kind, row.of, row.axis) for row in rows])
@@ -77,7 +82,7 @@ def link_loads(assumed: Assumed, table: PoseTable, at: Parity) -> LinkLoads:
             by_force[block, :, i] = _rows(felt, pull)
             couple = np.concatenate([np.zeros(p.shape), along], axis=-1)
             by_couple[block, :, i] = _rows(felt, couple)
-    return LinkLoads(by_weight, by_force, by_couple)
+    return LinkLoads(by_weight, by_force, by_couple, R_link_P)
 
 
 def _rows(felt: Array, wrench: Array) -> Array:

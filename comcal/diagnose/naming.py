@@ -65,7 +65,7 @@ def name_causes(about: Scene, most: int = MOST_CAUSES) -> Named:
     causes: tuple[int, ...] = ()
     here, fit = about, Explanation(0.0, np.zeros(0), np.zeros((0, 0)))
     ladder: list[Rung] = []
-    seen: set[frozenset[int]] = set()
+    seen: set[frozenset[str]] = set()
     impossible: set[int] = set()
     for _ in range(MOST_ROUNDS):
         odds = all_log_odds(about.of, here.against(causes))
@@ -77,11 +77,18 @@ def name_causes(about: Scene, most: int = MOST_CAUSES) -> Named:
             about, here = with_contact(about, touch), with_contact(here, touch)
             best = len(about.of.candidates) - 1
         elif best < 0 or odds[best] <= threshold or _lasting(about, causes) >= most:
-            break
+            kept = _needed(about, here, causes, threshold)
+            if kept == causes or _names(about, kept) in seen:
+                break
+            seen.add(_names(about, kept))
+            here, fit = refitted(about, kept)
+            causes = kept
+            continue
         grown = _swapped(here, _pruned(here, (*causes, best), threshold))
-        if frozenset(grown) in seen:
+        about, here, grown = _on_other_links(about, here, grown)
+        if _names(about, grown) in seen:
             break
-        seen.add(frozenset(grown))
+        seen.add(_names(about, grown))
         # What is linear about causes that stayed is better than what is linear about none.
         before = here, fit
         here, fit = refitted(here if set(causes) <= set(grown) else about, grown)
@@ -113,14 +120,38 @@ def _contact(about: Scene, causes: tuple[int, ...]) -> Contact | None:
         return None
     poses = about.at.table.pose
     free = [c for c in contacts(about, causes) if (poses[c.pose],) not in taken]
-    if not free:
-        return None
-    # The hand that touched something before is the likelier one to have done so again.
-    links = about.at.assumed.robot.tree.links
-    before = {about.of.candidates[i].target for i in causes if about.of.candidates[i].poses}
-    again = [c for c in free if c.pose == free[0].pose and links[c.link].name in before]
-    close = [c for c in again if c.log_odds > free[0].log_odds - MARGIN]
-    return close[0] if close else free[0]
+    return _of_likelier_link(about, causes, free) if free else None
+
+
+def _of_likelier_link(about: Scene, causes: tuple[int, ...], found: list[Contact]) -> Contact:
+    """Return the best of some contacts, or one as good of a hand that touched elsewhere as well."""
+    links, candidates = about.at.assumed.robot.tree.links, about.of.candidates
+    before = {candidates[i].target for i in causes if candidates[i].poses}
+    again = [c for c in found if c.pose == found[0].pose and links[c.link].name in before]
+    close = [c for c in again if c.log_odds > found[0].log_odds - MARGIN]
+    return close[0] if close else found[0]
+
+
+def _on_other_links(
+    about: Scene, here: Scene, causes: tuple[int, ...]
+) -> tuple[Scene, Scene, tuple[int, ...]]:
+    """Let contacts be on other links, now that those in other poses are known.
+
+    Before, what a hand does in another pose was blamed on the springs and motors between the links
+    of this one.
+    """
+    touching = [i for i in causes if about.of.candidates[i].poses is not None]
+    if len(touching) < 2:
+        return about, here, causes
+    for i in touching:
+        candidate, others = about.of.candidates[i], _without(causes, i)
+        poses = here.at.table.pose
+        found = [c for c in contacts(here, others) if (poses[c.pose],) == candidate.poses]
+        best = _of_likelier_link(here, others, found)
+        if here.at.assumed.robot.tree.links[best.link].name != candidate.target:
+            about, here = with_contact(about, best), with_contact(here, best)
+            causes = tuple(len(about.of.candidates) - 1 if c == i else c for c in causes)
+    return about, here, causes
 
 
 def _pruned(about: Scene, causes: tuple[int, ...], threshold: float) -> tuple[int, ...]:
@@ -132,6 +163,33 @@ def _pruned(about: Scene, causes: tuple[int, ...], threshold: float) -> tuple[in
             break
         causes = _without(causes, causes[worst])
     return causes
+
+
+def _needed(
+    about: Scene, here: Scene, causes: tuple[int, ...], threshold: float
+) -> tuple[int, ...]:
+    """Drop the cause without which the others, fitted anew from the beginning, do about as well.
+
+    What was named while larger causes were still unknown may only be needed in a linearisation
+    about itself.
+    """
+    if len(causes) < 2:
+        return causes
+    with_all, best = here.log_evidence(causes), causes
+    least = threshold
+    for i in causes:
+        others = _without(causes, i)
+        there, fit = refitted(about, others)
+        if len(there.r) == len(here.r) and np.isfinite(fit.log_odds):
+            lost = with_all - there.log_evidence(others)
+            if lost < least:
+                least, best = lost, others
+    return best
+
+
+def _names(about: Scene, causes: tuple[int, ...]) -> frozenset[str]:
+    """Return what does not change when a contact is found once more."""
+    return frozenset(about.of.candidates[i].name for i in causes)
 
 
 def _swapped(about: Scene, causes: tuple[int, ...]) -> tuple[int, ...]:

@@ -64,6 +64,10 @@ class Scene:
         """Return the metric in which *causes* may be there."""
         return metric(self.products, self.of.spread(self.scales, causes))
 
+    def log_evidence(self, causes: Sequence[int] = ()) -> float:
+        """Return ln p(residuals) with *causes* as large as faults, up to a constant per row."""
+        return self.against(causes).log_likelihood - self.by.log_det
+
 
 def scene(of: Catalogue, state: State, noise: float = 1.0) -> Scene:
     """Linearise the residuals of a state.

@@ -28,16 +28,17 @@ def sentence(
     where = "" if worst is None else f"; furthest off is {worst.name}"
     if verdict is Verdict.NOTHING_WRONG:
         return "The model explains the readings within noise and healthy tolerances."
+    refused = _listed([finding.text for finding in findings])
+    also = f" Besides, {refused}." if findings else ""
     if verdict is Verdict.UNEXPLAINED:
         at = f", most likely at {spot(place)}" if place is not None else where
         if not is_all:
-            return f"None of the causes looked for explains the readings{at}."
-        return f"Something acts that the catalogue has no name for{at}."
-    refused = _listed([finding.text for finding in findings])
+            return f"None of the causes looked for explains the readings{at}.{also}"
+        return f"Something acts that the catalogue has no name for{at}.{also}"
     if not causes:
-        return f"Some readings cannot be used: {refused}; the rest fits the model."
-    names = _listed([_words(cause) for cause in causes])
-    also = f" Besides, {refused}." if findings else ""
+        rest = "the rest fits the model" if is_all else "in the rest, nothing else was looked for"
+        return f"Some readings cannot be used: {refused}; {rest}."
+    names = _listed(_words(causes))
     if verdict is Verdict.AMBIGUOUS:
         sets = "; ".join(" or ".join(rival.name for rival in group) for group in groups)
         return f"The readings do not tell which: {sets}.{also}"
@@ -53,8 +54,19 @@ def spot(place: Place) -> str:
     return f"the {place.place} of {place.target}"
 
 
-def _words(cause: Cause) -> str:
-    return f"{cause.name} ({spec_of(cause.change.effect).summary})"
+def _words(causes: Sequence[Cause]) -> list[str]:
+    """Return causes in words, what one link touched in several poses as one."""
+    found: dict[str, list[int]] = {}
+    for cause in causes:
+        summary = spec_of(cause.change.effect).summary
+        found.setdefault(f"{cause.name} ({summary})", []).extend(cause.change.poses() or ())
+    return [f"{words}{_in(sorted(poses))}" for words, poses in found.items()]
+
+
+def _in(poses: Sequence[int]) -> str:
+    if not poses:
+        return ""
+    return f" in pose{'s' if len(poses) > 1 else ''} {_listed([str(pose) for pose in poses])}"
 
 
 def _listed(words: Sequence[str]) -> str:

@@ -60,6 +60,11 @@ class Whitening:
         ends = np.cumsum([0, *(len(rows) for rows in self.rows)]).tolist()
         return tuple(slice(a, b) for a, b in itertools.pairwise(ends))
 
+    @property
+    def log_det(self) -> float:
+        """Half the logarithm of the determinant of all covariances together."""
+        return float(sum(np.log(np.diag(root)).sum() for root in self.roots))
+
     def restricted(self, valid: npt.NDArray[np.bool_]) -> Whitening:
         """Return the whitening of those residuals alone that are valid, a mask of shape (n,)."""
         if all(valid[rows].all() for rows in self.rows):

@@ -46,6 +46,7 @@ def drawn(study: SimpleNamespace, effect: str) -> tuple[Change, ...]:
         return (study.draw.change_of(pair, study.draw.coordinates(pair, rng)),)
     draws = {
         "gate": lambda: study.draw.gate(rng, POSES),
+        "moving": lambda: Change(effect, "l_foot", {"time": 0.1}),
         "discrete": lambda: study.draw.mistake(rng),
         "unknown": lambda: Change(
             "unknown", "l_knee", {"function": ("eccentricity",), "amplitude": 0.02, "phase": 1.0}
@@ -60,7 +61,11 @@ def test_every_effect_has_a_scenario_that_says_how_it_is_realised(study: SimpleN
     assert {name: entry["realisation"] for name, entry in declared.items()} == {
         name: EFFECTS[name].realisation.value for name in declared
     }
-    assert {entry["line"] for entry in declared.values()} <= {*study.lines.LINES, "measured"}
+    assert {entry["line"] for entry in declared.values()} <= {
+        *study.lines.LINES,
+        "measured",
+        "moving",
+    }
 
 
 @pytest.mark.parametrize("effect", EFFECTS)

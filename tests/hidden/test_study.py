@@ -71,7 +71,8 @@ def test_a_special_case_has_the_general_effect_for_no_rival(
 def test_draws_have_the_size_that_was_wanted(
     study: SimpleNamespace, ruler: Any, pair: tuple[str, str]
 ) -> None:
-    change = study.draw.change_of_size(ruler, pair, 20.0, np.random.default_rng(1))
+    change, x = study.draw.of_size(ruler, pair, 20.0, np.random.default_rng(1))
+    assert np.linalg.norm(x) == pytest.approx(20.0)
     assert ruler.size(pair, (change,)).s == pytest.approx(20.0, rel=0.05)
 
 

@@ -74,10 +74,10 @@ def change_of(pair: Pair, c: np.ndarray) -> Change:
     return change_at(pair, c)
 
 
-def change_of_size(
+def of_size(
     ruler: Ruler, pair: Pair, wanted: float, rng: np.random.Generator, largest: float | None = None
-) -> Change | None:
-    """Draw a change of an effect with a wanted size; None where that would be no plausible fault.
+) -> tuple[Change, np.ndarray] | None:
+    """Draw a change of an effect that has a wanted size if it is as linear as a small one.
 
     Parameters
     ----------
@@ -88,22 +88,27 @@ def change_of_size(
     rng : numpy.random.Generator
     largest : float, optional
         Of any parameter, in faults; default the scenario's.
+
+    Returns
+    -------
+    change : Change
+    x : array, shape (m,)
+        What it does to the whitened rows, to first order. None instead of both where a change of
+        this size would be no plausible fault.
     """
     fault = np.array(list(scenario().fault(pair[0]).values()))
     most: float = scenario().data["largest"] if largest is None else largest
+    faults = ruler.faults(pair)
     for _ in range(TRIES):
         c = coordinates(pair, rng)
-        norm = float(np.linalg.norm(ruler.faults(pair) @ (c / fault)))
+        x = faults @ (c / fault)
+        norm = float(np.linalg.norm(x))
         if norm <= 0.0:
             return None
         c *= wanted / norm
         if _plausible(pair, c, fault, most):
-            break
-    else:
-        return None
-    found = float(np.linalg.norm(ruler.difference((change_of(pair, c),))[0]))
-    c *= np.clip(wanted / found, 0.5, 2.0)  # not every effect is linear
-    return change_of(pair, c) if _plausible(pair, c, fault, most * 1.5) else None
+            return change_of(pair, c), x * (wanted / norm)
+    return None
 
 
 def scaled(change: Change, factor: float) -> Change:
@@ -218,15 +223,16 @@ def contacts(rng: np.random.Generator, poses: tuple[int, ...]) -> tuple[Change, 
 
 
 def gate(rng: np.random.Generator, poses: tuple[int, ...]) -> Change:
-    """Draw readings that are not worth fitting."""
+    """Draw readings that are not worth fitting.
+
+    A sensor that is late is none of them: it shows in nothing that stands still.
+    """
     robot = scenario().robot
     sensor, joint = str(rng.choice(list(robot.sensors))), str(rng.choice(robot.tree.joint_names))
-    kinds = ("not_settled", "timing_skew", "frozen_sensor", "saturation", "quantisation")
+    kinds = ("not_settled", "frozen_sensor", "saturation", "quantisation")
     kind = kinds[rng.integers(len(kinds))]
     if kind == "not_settled":
         return Change(kind, "", {"time": float(rng.uniform(3.0, 5.0))})
-    if kind == "timing_skew":
-        return Change(kind, sensor, {"time": float(rng.uniform(0.05, 0.2))})
     if kind == "saturation":
         level = float(rng.uniform(300.0, 450.0))
         return Change(kind, sensor, {"channels": ("fz",), "level": level})

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 
 import numpy as np
-from hidden_draw import change_of_size, contacts, gate, heavy, mistake, scaled, unknown_of_size
+from hidden_draw import contacts, gate, heavy, mistake, of_size, scaled, unknown_of_size
 from hidden_ruler import Size, ruler
 from hidden_scenario import Pair, scenario, tolerances
 from hidden_world import BUILTIN
@@ -110,12 +110,12 @@ def single(
     measure = ruler(poses)
     for _ in range(DRAWS):
         pair, wanted = any_pair(rng, poses), rng.uniform(*sizes)
-        change = change_of_size(measure, pair, wanted, rng)
-        if change is None:
+        drawn = of_size(measure, pair, wanted, rng)
+        if drawn is None:
             continue
-        # The built-in world tells quickly whether it is worth asking the engine.
-        if separations[0] <= measure.size(pair, (change,)).d < separations[1]:
-            change, size = _sized(pair, change, wanted, poses, engine)
+        # First order tells quickly whether it is worth asking the engine.
+        if separations[0] <= measure.left(pair, drawn[1])[0] < separations[1]:
+            change, size = _sized(pair, drawn[0], wanted, poses, engine)
             return Case(poses, engine, (change,), (size,))
     raise LookupError("no effect of this size and separation was drawn")
 
@@ -145,17 +145,17 @@ def two(rng: np.random.Generator, engine: str) -> Case:
     measure = ruler("mixed")
     for _ in range(DRAWS):
         pairs = [any_pair(rng, "mixed") for _ in range(2)]
-        drawn = [change_of_size(measure, pair, 20.0, rng) for pair in pairs]
-        changes = [change for change in drawn if change is not None]
-        if pairs[0] == pairs[1] or len(changes) < 2:
+        maybe = [of_size(measure, pair, 20.0, rng) for pair in pairs]
+        drawn = [one for one in maybe if one is not None]
+        if pairs[0] == pairs[1] or len(drawn) < 2:
             continue
         apart = [
-            measure.left(pair, *measure.difference((change,)), beside=(other,))[0]
-            for pair, change, other in zip(pairs, changes, reversed(pairs), strict=True)
+            measure.left(pair, x, beside=(other,))[0]
+            for pair, (_, x), other in zip(pairs, drawn, reversed(pairs), strict=True)
         ]
         if min(apart) >= CLEAR:
             sized = [
-                _sized(p, c, 20.0, "mixed", engine) for p, c in zip(pairs, changes, strict=True)
+                _sized(p, c, 20.0, "mixed", engine) for p, (c, _) in zip(pairs, drawn, strict=True)
             ]
             sizes = [replace(size, d=d) for (_, size), d in zip(sized, apart, strict=True)]
             return Case("mixed", engine, tuple(c for c, _ in sized), tuple(sizes))
@@ -185,9 +185,18 @@ def discrete(rng: np.random.Generator, engine: str) -> Case:
 
 
 def contact(rng: np.random.Generator, engine: str) -> Case:
-    """Draw a hand that touches something in one to three poses."""
-    poses = tuple(pose.pose for pose in scenario().stage("mixed").poses)
-    return Case("mixed", engine, contacts(rng, poses))
+    """Draw a hand that touches something in one to three poses, each time so that it shows.
+
+    A robot that hangs feels no force that points through its shoulder.
+    """
+    measure = ruler("mixed")
+    poses = tuple(pose.pose for pose in measure.stage.poses)
+    for _ in range(DRAWS):
+        hands = contacts(rng, poses)
+        norms = [float(np.linalg.norm(measure.difference((hand,))[0])) for hand in hands]
+        if min(norms) >= LARGE[0]:
+            return Case("mixed", engine, hands, tuple(Size(s, s, ("", "")) for s in norms))
+    raise LookupError("no hand that shows was drawn")
 
 
 def gated(rng: np.random.Generator, engine: str) -> Case:
@@ -255,9 +264,10 @@ def ambiguous(
     measure = ruler(judged_in)
     for _ in range(DRAWS):
         pair = pairs[rng.integers(len(pairs))]
-        change = change_of_size(measure, pair, rng.uniform(*sizes), rng, largest=8.0)
-        if change is None:
+        drawn = of_size(measure, pair, rng.uniform(*sizes), rng, largest=8.0)
+        if drawn is None:
             continue
+        change = drawn[0]
         if keep and set(keep) & set(change.parameters):
             kept = {k: v for k, v in change.parameters.items() if k in keep}
             change = replace(change, parameters=kept)

@@ -117,11 +117,19 @@ class Ruler:
         poses = tuple(pose.pose for pose in self.stage.poses)
         self._of_poses = cache(self._whitener)
         self._all = poses
+        self._faults = dict[Pair, np.ndarray]()
 
     def faults(self, pair: Pair, poses: tuple[int, ...] | None = None) -> np.ndarray:
         """Return the whitened columns of an effect, per fault, shape (m, k)."""
+        if poses is not None and tuple(poses) != self._all:
+            return self._faults_in(pair, tuple(poses))
+        if pair not in self._faults:
+            self._faults[pair] = self._faults_in(pair, self._all)
+        return self._faults[pair]
+
+    def _faults_in(self, pair: Pair, poses: tuple[int, ...]) -> np.ndarray:
         fault = np.array(list(scenario().fault(pair[0]).values()))
-        return self._whitened(self._columns[pair] * fault, poses or self._all)
+        return self._whitened(self._columns[pair] * fault, poses)
 
     def reach(self, pair: Pair) -> float:
         """Return the size of an effect with all parameters at the size of a fault.

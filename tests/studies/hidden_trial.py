@@ -101,8 +101,10 @@ def _assumed(case: Case) -> Assumed:
 
 def _recorded(case: Case, table: PoseTable) -> Case:
     """Return the case with what was hidden in poses that are in the table."""
-    hidden = (as_recorded(change, table.pose) for change in case.hidden)
-    return replace(case, hidden=tuple(change for change in hidden if change is not None))
+    hidden = [as_recorded(change, table.pose) for change in case.hidden]
+    sizes = [size for size, change in zip(case.sizes, hidden, strict=False) if change is not None]
+    seen = tuple(change for change in hidden if change is not None)
+    return replace(case, hidden=seen, sizes=tuple(sizes))
 
 
 def _truth(case: Case) -> list[Record]:

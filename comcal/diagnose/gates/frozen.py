@@ -133,4 +133,4 @@ def _refused(so_far: Gated, of: Sequence[Channel], rows: Mask) -> Gated:
         "readings left out",
         "check supply and bus of the sensor, and record these poses again",
     )
-    return Gated(table, (*so_far.findings, finding))
+    return so_far.found(table, (finding,))

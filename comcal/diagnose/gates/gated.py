@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from comcal.diagnose.catalogue import Coordinate
 from comcal.diagnose.diagnosis import Finding
 from comcal.diagnose.gates.channels import Mask
 from comcal.measure.table import PoseTable
@@ -22,10 +23,31 @@ class Gated:
     table : PoseTable
         Readings that were refused are NaN; variances are larger where readings are coarse.
     findings : tuple of Finding
+    leaves : mapping from (effect, target, key) to float
+        Standard deviations of what the findings leave in all poses alike, as the effect that it
+        looks like: such errors are not independent, and no fault of the robot either.
+    is_fit : bool
+        Whether enough is left to name causes in.
     """
 
     table: PoseTable
     findings: tuple[Finding, ...] = ()
+    leaves: Mapping[Coordinate, float] = field(default_factory=dict[Coordinate, float])
+    is_fit: bool = True
+
+    def found(
+        self,
+        table: PoseTable,
+        findings: Iterable[Finding],
+        leaves: Mapping[Coordinate, float] | None = None,
+    ) -> Gated:
+        """Return this with another table, further findings and what they leave."""
+        return replace(
+            self,
+            table=table,
+            findings=(*self.findings, *findings),
+            leaves={**self.leaves, **(leaves or {})},
+        )
 
     def is_coarse(self, target: str, channel: str) -> bool:
         """Return whether a channel was found to lie on a grid: it may repeat itself by chance."""

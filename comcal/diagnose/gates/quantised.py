@@ -3,19 +3,24 @@
 
 Averages of windows betray a grid as long as most windows see one step only, which is when its
 error matters: noise of a third of a step makes averages as fine as if there were no grid.
+
+What a grid does to a reading that hardly changes is the same in all poses: an offset of the
+channel, which no fault has to explain.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from comcal.diagnose.catalogue import Coordinate
 from comcal.diagnose.diagnosis import Finding
 from comcal.diagnose.gates.channels import Channel, channels, widened
 from comcal.diagnose.gates.gated import Gated
 from comcal.predict.assumed import Assumed
 from comcal.robot.changes import Change
+from comcal.robot.changes_table import CHANNELS
 from comcal.robot.tree import Array
 
 FEWEST = 5
@@ -34,6 +39,8 @@ KEEPS = 0.9
 """... and which part of those on a grid must also lie on a multiple of it: half do by chance."""
 LARGEST_ANGLE_STEP = 0.01
 """Of an encoder [rad] or [m]: angles on a coarser grid are those of a plan, not of an encoder."""
+OFFSETS = {"q": "joint_offset", "i": "current_offset"}
+"""By channel of a joint."""
 ROUNDS = 40
 ALIKE = 1e-6
 """Relative difference of steps that are the same."""
@@ -47,12 +54,43 @@ def quantised(assumed: Assumed, so_far: Gated) -> Gated:
     for channel, step in found:
         together.setdefault((channel.target, channel.unit), []).append((channel, step))
     by_step: dict[tuple[str, str, str], list[Channel]] = {}
-    for channel, own in found:
+    leaves: dict[Coordinate, float] = {}
+    for channel, own in (*found, *_also_on_a_grid(channels(assumed.robot, table), together)):
         step = _shared_step(own, [s for _, s in together[channel.target, channel.unit]])
-        table = widened(table, channel, step**2 / 12.0)
+        error = step / np.sqrt(12.0)
+        table = widened(table, channel, error**2)
+        offset = _offset_of(channel)
+        if offset is not None:
+            leaves[offset] = error
         by_step.setdefault((channel.target, channel.unit, f"{step:.6g}"), []).append(channel)
     named = tuple(_finding(t, float(step), of) for (t, _, step), of in by_step.items())
-    return Gated(table, (*so_far.findings, *named))
+    return so_far.found(table, named, leaves)
+
+
+def _offset_of(channel: Channel) -> Coordinate | None:
+    """Return the coordinate that is the offset of a channel, if there is one."""
+    if channel.name in CHANNELS:
+        return "ft_bias", channel.target, channel.name
+    effect = OFFSETS.get(channel.name)
+    return None if effect is None else (effect, channel.target, "offset")
+
+
+def _also_on_a_grid(
+    every: Iterable[Channel], together: Mapping[tuple[str, str], Sequence[tuple[Channel, float]]]
+) -> Iterator[tuple[Channel, float]]:
+    """Yield channels that show too few numbers for a grid of their own, but fit that of the others.
+
+    A force that hardly changes may be the same multiple of the step in all poses.
+    """
+    for channel in every:
+        others = together.get((channel.target, channel.unit), ())
+        if not others or any(channel.name == other.name for other, _ in others):
+            continue
+        step = max(step for _, step in others)
+        values = np.unique(channel.values[channel.stands_still])
+        on = np.diff(values) / step
+        if values.size and np.all(np.abs(on - np.round(on)) * step <= 10.0 * channel.resolution):
+            yield channel, step
 
 
 def _shared_step(own: float, others: Iterable[float]) -> float:

@@ -88,4 +88,4 @@ def _refused(so_far: Gated, channel: Channel, level: float, rows: Mask) -> Gated
         "readings left out",
         "use a larger range of the sensor, or poses that load it less",
     )
-    return Gated(without(so_far.table, channel, rows), (*so_far.findings, finding))
+    return so_far.found(without(so_far.table, channel, rows), (finding,))

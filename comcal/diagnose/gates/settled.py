@@ -7,15 +7,20 @@ long the windows were, the table does not say; the quieter channels do: a robot 
 move all of them. How large the largest of all slopes, and of all channels, may be is derived in
 :mod:`comcal.diagnose.gates.slope_limits`. Tables that know their accelerations are left alone:
 those are accounted for.
+
+All channels that come to rest in the same time are off by the same multiple of their slopes, in
+one direction of all residuals together. That direction is left open from then on: nothing else may
+be found in it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from comcal.diagnose.catalogue import Coordinate
 from comcal.diagnose.diagnosis import Finding
 from comcal.diagnose.gates.channels import Channel, Mask, channels, widened
 from comcal.diagnose.gates.gated import Gated, ids, listed
@@ -42,6 +47,11 @@ MATTERS = 3.0
 """Errors of a mean that the slope must make within ``SWAY``."""
 WANES = 1.5
 """Time in which a sway is taken to fall to a third [s]."""
+MOST_MOVING = 0.25
+"""Part of the poses in which a robot may have moved, and causes are still looked for in others: it
+hardly stood still in those."""
+LEAVES: Mapping[Coordinate, float] = {("not_settled", "", "time"): 0.75}
+"""Time over which readings may lead along their slopes to where they come to rest [s]."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +74,7 @@ class _Slopes:
 
 
 def settled(assumed: Assumed, so_far: Gated) -> Gated:
-    """Refuse wrenches that plainly moved, and widen channels whose slopes exceed their noise."""
+    """Refuse poses in which the robot plainly moved, and widen channels that are not at rest."""
     table = so_far.table
     if any(name.startswith("qdd.") for name in table.motion):
         return so_far
@@ -73,13 +83,21 @@ def settled(assumed: Assumed, so_far: Gated) -> Gated:
         return so_far
     slopes = _with_noise(found, _typical)
     numbers = [s.number for s in slopes]
-    limit = max(GROSS, largest_limit(sum(numbers), min(numbers), len(numbers)))
-    gross = np.asarray(np.any([s.gross(limit) for s in slopes], axis=0), np.bool_)
+    likely = largest_limit(sum(numbers), min(numbers), len(numbers))
+    limit = max(GROSS, likely)
+    gross = _beyond(slopes, limit)
     if gross.any():
-        so_far = _refused(so_far, slopes, gross, limit)
+        # Where a robot plainly moves in some poses, more than chance is enough in others.
+        gross = _beyond(slopes, likely)
+        so_far = _refused(so_far, slopes, gross, likely)
     left = [(c, np.where(gross, np.nan, slope)) for c, slope in found]
     left = [(c, slope) for c, slope in left if np.isfinite(slope).sum() >= FEWEST]
     return _widened(so_far, _with_noise(left, _root_mean_square)) if left else so_far
+
+
+def _beyond(slopes: list[_Slopes], limit: float) -> Mask:
+    """Return in which poses any channel is beyond a limit."""
+    return np.asarray(np.any([s.gross(limit) for s in slopes], axis=0), np.bool_)
 
 
 def _found(assumed: Assumed, so_far: Gated) -> list[tuple[Channel, Array]]:
@@ -114,10 +132,16 @@ def _with_noise(
 
 
 def _refused(so_far: Gated, slopes: list[_Slopes], rows: Mask, limit: float) -> Gated:
-    """Leave out all wrenches of poses in which one plainly moved."""
+    """Leave out all forces, torques and accelerations of poses in which the robot plainly moved."""
     table = so_far.table
-    wrenches = {sensor: np.where(rows[:, None], np.nan, w) for sensor, w in table.wrench.items()}
-    table = replace(table, wrench=wrenches)
+    moved = rows[:, None]
+    table = replace(
+        table,
+        wrench={sensor: np.where(moved, np.nan, w) for sensor, w in table.wrench.items()},
+        current=np.where(moved, np.nan, table.current),
+        torque=np.where(moved, np.nan, table.torque),
+        imu=np.where(moved, np.nan, table.imu),
+    )
     sizes = [float(np.nanmax(np.abs(s.slope[rows]), initial=0.0)) / s.noise for s in slopes]
     fastest, worst = slopes[int(np.argmax(sizes))].channel, max(sizes)
     poses = ids(table, rows)
@@ -128,10 +152,11 @@ def _refused(so_far: Gated, slopes: list[_Slopes], rows: Mask, limit: float) -> 
         f"in {listed(poses)} the robot was still moving: {fastest.target}.{fastest.name} changes "
         f"{worst:.0f} times as fast as noise makes it (limit {limit:.3g})",
         poses,
-        "forces and moments left out",
+        "all readings but angles left out",
         "wait longer before reading, or hold the robot stiffer",
     )
-    return Gated(table, (*so_far.findings, finding))
+    found = so_far.found(table, (finding,), LEAVES)
+    return replace(found, is_fit=found.is_fit and rows.mean() <= MOST_MOVING)
 
 
 def _widened(so_far: Gated, slopes: list[_Slopes]) -> Gated:
@@ -158,7 +183,7 @@ def _widened(so_far: Gated, slopes: list[_Slopes]) -> Gated:
         "what a sway of 1 Hz with such slopes does was added to the variance",
         "wait longer before reading, or hold the robot stiffer",
     )
-    return Gated(table, (*so_far.findings, finding))
+    return so_far.found(table, (finding,), LEAVES)
 
 
 def _change(times: float) -> Change:

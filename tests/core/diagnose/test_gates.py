@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from comcal.diagnose.diagnose import diagnose
 from comcal.diagnose.gates.gated import Gated
 from comcal.diagnose.gates.run import gates
 from comcal.measure.csv_file import format_cell
@@ -265,8 +266,43 @@ def test_poses_in_which_the_robot_plainly_moved_are_left_out(
     assert (finding.effect, finding.poses) == ("not_settled", (table.pose[3],))
     assert np.isnan(gated.table.wrench["l_foot"][3]).all()
     assert np.isnan(gated.table.wrench["r_foot"][3]).all()
+    assert np.isnan(gated.table.current[3]).all()
+    assert gated.is_fit
     known = {f"qdd.{joint}": np.zeros(len(table)) for joint in robot.tree.joint_names}
     assert passed(robot, replace(table, motion={**slopes, **known})).findings == ()
+
+
+def test_where_most_poses_moved_no_cause_is_looked_for(healthy: tuple[Robot, PoseTable]) -> None:
+    """What moves in one pose in two is hardly still in the others."""
+    robot, table = healthy
+    slopes = {name: v.copy() for name, v in table.motion.items()}
+    slopes["slope.ft.l_foot.fx"][::2] = -40.0
+    moved = {s: w.copy() for s, w in table.wrench.items()}
+    moved["l_foot"][:, 0] += 5.0
+    table = replace(table, motion=slopes, wrench=moved)
+    assert not passed(robot, table).is_fit
+    said = diagnose(Assumed(robot), table)
+    assert said.causes == ()
+    assert "not looked for" in said.notes[0]
+    assert "still moving" in said.sentence
+    assert "no name for" not in said.sentence
+
+
+def test_what_a_grid_does_to_a_reading_that_hardly_changes_is_no_fault(recorded: Recorder) -> None:
+    """Rounded to 4 N, a force of 1 N is off by 1 N in every pose alike: an offset."""
+    robot, table = recorded(every=3, most=40)
+    shifted = {s: w.copy() for s, w in table.wrench.items()}
+    for w in shifted.values():
+        w[:, :3] = 4.0 * np.round(w[:, :3] / 4.0)
+    still = {
+        name: np.zeros_like(v) if name.startswith("sd.ft.") and name[-2] == "f" else v
+        for name, v in table.motion.items()
+    }
+    coarse = replace(table, wrench=shifted, motion=still)
+    gated = passed(robot, coarse)
+    assert {f.effect for f in gated.findings} == {"quantisation"}
+    assert gated.leaves["ft_bias", "l_foot", "fy"] == pytest.approx(4.0 / np.sqrt(12.0))
+    assert diagnose(Assumed(robot), coarse).causes == ()
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@
 
 rows=()
 failures=0
+declare -A lanes=()
 
 # stage NAME COMMAND...: run the command, time it, remember how it ended; go on in any case.
 stage() {
@@ -17,13 +18,13 @@ stage() {
 # optional NAME COMMAND...: a stage that may say with exit code 77, and in its last line why, that
 # it cannot be had here; needs $work.
 optional() {
-    local name=$1 began=$SECONDS code=0
+    local name=$1 began=$SECONDS code=0 said=${work:?}/optional.$BASHPID.txt
     shift
     printf '\n=== %s\n' "$name"
-    "$@" 2>&1 | tee "${work:?}/optional.txt"
+    "$@" 2>&1 | tee "$said"
     code=${PIPESTATUS[0]}
     if [ "$code" -eq 77 ]; then
-        rows+=("$name|$((SECONDS - began))|skipped: $(tail -n 1 "$work/optional.txt" | tr '|' '/')")
+        rows+=("$name|$((SECONDS - began))|skipped: $(tail -n 1 "$said" | tr '|' '/')")
         printf -- '--- %s: skipped\n' "$name"
         return 0
     fi
@@ -45,6 +46,44 @@ ended() {
 skipped() {
     printf '\n=== %s\n--- skipped: %s\n' "$1" "$2"
     rows+=("$1|0|skipped: $2")
+}
+
+# beside NAME FUNCTION: run the stages of the function while others go on; what they print is kept
+# until `joined NAME`. A group of processes of its own: it ends with the whole, see `leave_nothing`.
+beside() {
+    local kept=${work:?}/beside.$1 rows=() failures=0
+    printf '\n=== %s: begins, goes on beside what follows, and is shown when it is over\n' "$1"
+    set -m
+    (
+        "$2"
+        printf '%s\n' "${rows[@]}" >"$kept.rows"
+        exit "$failures"
+    ) >"$kept.txt" 2>&1 </dev/null &
+    set +m
+    lanes[$1]=$!
+}
+
+# joined NAME: wait for these stages, print what they said, take over how they ended.
+joined() {
+    local kept=${work:?}/beside.$1 count=0 row
+    wait "${lanes[$1]}" || count=$?
+    unset "lanes[$1]"
+    cat "$kept.txt"
+    if [ ! -s "$kept.rows" ]; then
+        printf -- '--- %s: FAILED, they ended before their time\n' "$1"
+        rows+=("$1|0|FAILED ($count)")
+        failures=$((failures + 1))
+        return
+    fi
+    while IFS= read -r row; do rows+=("$row"); done <"$kept.rows"
+    failures=$((failures + count))
+}
+
+# leave_nothing: end what still runs beside, and remove $work; for a trap.
+leave_nothing() {
+    local group
+    for group in "${lanes[@]}"; do kill -- "-$group" 2>/dev/null; done
+    rm -rf "${work:?}"
 }
 
 # table: what ran, as Markdown.

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from collections.abc import Callable
@@ -28,6 +29,12 @@ _COMMON = {"deadline": None, "print_blob": True}
 hypothesis.settings.register_profile("fixed", derandomize=True, database=None, **_COMMON)
 hypothesis.settings.register_profile("random", **_COMMON)
 hypothesis.settings.load_profile("fixed")
+
+
+def pytest_collection_finish() -> None:
+    """Keep the garbage collector away from thousands of tests and modules that stay to the end."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_report_header(config: pytest.Config) -> list[str]:

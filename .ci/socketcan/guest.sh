@@ -9,8 +9,9 @@
 set -u
 here=$(CDPATH='' cd "$(dirname "${BASH_SOURCE[0]}")" && pwd -P)
 root=$(CDPATH='' cd "$here/../.." && pwd -P)
-python=${COMCAL_VENV:-$root/.venv}/bin/python
-case $python in /*) ;; *) python=$PWD/$python ;; esac
+venv=${COMCAL_VENV:-$root/.venv}
+case $venv in /*) ;; *) venv=$PWD/$venv ;; esac
+python=$venv/bin/python
 seconds=${COMCAL_GUEST_SECONDS:-240}
 packages="user-mode-linux can-utils busybox-static iproute2 gcc libc6-dev"
 
@@ -35,6 +36,8 @@ gcc -O2 -shared -fPIC -o "$work/xshim.so" "$here/xshim.c" || skip "xshim.c canno
     # The host's folder for results is the only place where the guest writes.
     printf 'mkdir -p /run/tmp /run/out; mount -t hostfs none /run/out -o %q\n' "$work"
     printf 'ip link add dev vcan0 type vcan && ip link set vcan0 up\n'
+    # What ./run test has compiled; the guest writes nothing here, so each program would do it anew.
+    [ ! -d "$venv/pycache" ] || printf 'export PYTHONPYCACHEPREFIX=%q\n' "$venv/pycache"
     # COMCAL_GUEST: here the tests fail where elsewhere they skip.
     printf 'export HOME=/run/tmp TMPDIR=/run/tmp PYTHONDONTWRITEBYTECODE=1 OMP_NUM_THREADS=1\n'
     printf 'export COMCAL_GUEST=1 HYPOTHESIS_STORAGE_DIRECTORY=/run/tmp/hypothesis\n'

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtrc
 
 from comcal.diagnose.contacts import EFFECT, Contact, contacts, links_that_touch, with_contact
 from comcal.diagnose.diagnosis import Rung
@@ -17,6 +18,10 @@ MARGIN = 3.0
 """Log odds beyond those that chance gives the best of N causes: 20 to 1."""
 MOST_CAUSES = 3
 MOST_CONTACTS = 6
+SURE = 1000.0
+"""Log odds from which a cause is needed, whatever was linearised about what."""
+HOPELESS = 1e-6
+"""Chance of what is left, below which nothing named can be trusted, needed or not."""
 MOST_ROUNDS = 12
 """Adding and dropping may go in circles."""
 SHOWN = 8
@@ -173,12 +178,15 @@ def _needed(
     What was named while larger causes were still unknown may only be needed in a linearisation
     about itself.
     """
-    if len(causes) < 2:
+    left = here.against(causes)
+    if len(causes) < 2 or chdtrc(max(left.rows, 1), left.rr) < HOPELESS:
         return causes
     with_all, best = here.log_evidence(causes), causes
     least = threshold
     for i in causes:
         others = _without(causes, i)
+        if explain(about.of, i, here.against(others)).log_odds > SURE:
+            continue
         there, fit = refitted(about, others)
         if len(there.r) == len(here.r) and np.isfinite(fit.log_odds):
             lost = with_all - there.log_evidence(others)

@@ -48,9 +48,9 @@ def check_command(
 ) -> int:
     """Say what comcal understands of ROBOT.yaml and its URDF, and what is wrong with them.
 
-    Sensors with what hangs below their cuts, feet, motors, mass, findings, and the physics engines
-    that are installed. Nothing is written. Exit code 0: usable, perhaps with warnings; 2: a file
-    is missing or wrong; 3: the description cannot be right.
+    Sensors with what hangs below their cuts, feet, motors, mass, sources, findings, and the physics
+    engines that are installed. Nothing is opened or written. Exit code 0: usable, perhaps with
+    warnings; 2: a file is missing or wrong; 3: the description cannot be right.
 
     With --live it says what a source sends instead: rate, losses, mean and scatter of every channel
     against what ROBOT.yaml states, channels that are dead or frozen, the load on the feet against
@@ -96,6 +96,10 @@ def _print(result: CheckResult, console: Console) -> None:
         console.print()
         header = ("foot", "link", "measured by", "sole", "ankle")
         print_table(console, [_foot_row(robot, foot) for foot in robot.feet.values()], header)
+    if result.sources:
+        console.print()
+        rows = [(name, line) for name, lines in result.sources.items() for line in lines]
+        print_table(console, rows, ("source", "understood"))
     console.print()
     for finding in result.findings:
         print_finding(finding, console)

@@ -249,7 +249,8 @@ def record_command(
         for note in summary.status.notes:
             click.echo(f"note: {note}", err=True)
     if hidden:
-        click.echo(f"{len(hidden)} effects are hidden in it: {truth_path(directory).name}")
+        told = "1 effect is" if len(hidden) == 1 else f"{len(hidden)} effects are"
+        click.echo(f"{told} hidden in it: {truth_path(directory).name}")
     click.echo(f"next: comcal solve {directory}")
 
 

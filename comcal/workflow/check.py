@@ -7,7 +7,8 @@ import math
 import os
 import platform
 import sys
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import Enum
 from importlib import metadata
 
@@ -16,6 +17,7 @@ from comcal.robot.findings import Finding, Level
 from comcal.robot.health import check_health
 from comcal.robot.model import Foot, Robot, Sensor
 from comcal.robot.soles import place_at_zero
+from comcal.workflow.source_checks import check_sources
 
 ENGINES = {"pybullet": "sim", "mujoco": "mujoco"}
 """Optional physics engines, and the extra of comcal that installs each."""
@@ -80,6 +82,8 @@ class CheckResult:
     cuts: tuple[Cut, ...]
     findings: tuple[Finding, ...]
     engines: tuple[Engine, ...]
+    sources: Mapping[str, Sequence[str]] = field(default_factory=dict[str, Sequence[str]])
+    """What sources understand of their options, line by line."""
 
     def count(self, level: Level) -> int:
         """Return the number of findings of one level."""
@@ -109,16 +113,18 @@ def check_robot(path: str | os.PathLike[str]) -> CheckResult:
     Raises
     ------
     ConfigError
-        If ``robot.yaml`` is missing or wrong.
+        If ``robot.yaml`` is missing or wrong, the options of its sources included.
     UrdfError
         If the URDF is missing or wrong.
     """
     robot = load_robot(path)
+    sources, of_sources = check_sources(robot)
     return CheckResult(
         robot=robot,
         cuts=tuple(_cut(robot, sensor) for sensor in robot.sensors.values()),
-        findings=check_health(robot),
+        findings=(*check_health(robot), *of_sources),
         engines=tuple(_engine(name) for name in ENGINES),
+        sources=sources,
     )
 
 
@@ -230,4 +236,5 @@ def check_as_json(result: CheckResult) -> dict[str, object]:
             for finding in result.findings
         ],
         "engines": {engine.name: engine.version for engine in result.engines},
+        "sources": {name: list(lines) for name, lines in result.sources.items()},
     }

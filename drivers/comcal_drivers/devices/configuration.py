@@ -39,6 +39,9 @@ Result = TypeVar("Result")
 
 _HERE: tuple[Key, ...] = ("sources", "can")
 
+ASKED = 0.2
+"""How old a sample may be that this computer has to ask for [s]."""
+
 
 def read_configuration(options: Mapping[str, object], robot: Robot) -> CanConfig:
     """Check ``sources.can`` of robot.yaml against the robot and the devices' descriptions.
@@ -193,14 +196,15 @@ class _Reader:
         for command in start:
             self.known("command", command, list(description.commands), *here, "start")
         self.status_bits(section, device, *here)
-        timeout = section.timeout or description.join.timeout
+        timeout = section.timeout or _timeout(description, section)
+        longest = section.timeout or description.join.timeout
         return {
             "name": name,
             "bus": section.bus,
             "device": device,
             "period": section.period,
             "timeout": timeout,
-            "apart": section.apart or _apart(description, section.period, timeout),
+            "apart": section.apart or _apart(description, section.period, longest),
             "counter_step": section.counter_step,
             "ignore_status": section.ignore_status,
             "ignore_where": self.where(*here, "ignore_status") if section.ignore_status else "",
@@ -367,6 +371,17 @@ def _read_matrix(path: Path) -> Array:
             next_step="write six rows of numbers, separated by blanks or commas",
         ) from error
     return _matrix([row for row in rows if row])
+
+
+def _timeout(description: Description, section: DeviceSection) -> float:
+    """Return how old a sample may be, where robot.yaml does not say.
+
+    What this computer asks for comes as late as its own busy threads let it ask.
+    """
+    is_asked = description.join.request is not None and section.period is not None
+    is_synced = isinstance(section, JointSection) and section.sync_period is not None
+    least = description.join.timeout
+    return max(least, ASKED) if is_asked or is_synced else least
 
 
 def _apart(description: Description, period: float | None, timeout: float) -> float:

@@ -100,6 +100,23 @@ def test_parts_that_only_their_order_tells_apart_are_half_a_period_apart_at_most
     assert config.sensors["foot_ft"].apart == pytest.approx(apart)
 
 
+@pytest.mark.parametrize(
+    ("more", "timeout"),
+    [("", 0.05), (", sync_period: 10 ms", 0.2), (", sync_period: 10 ms, timeout: 30 ms", 0.03)],
+)
+def test_what_this_computer_asks_for_may_come_as_late_as_it_asks(
+    read: Read, more: str, timeout: float
+) -> None:
+    drive = f"{{bus: usb, device: maxon_epos, ids: {{node: 3}}, counts_per_turn: 2048{more}}}"
+    assert read(f"    joints:\n      knee: {drive}\n").joints["knee"].timeout == timeout
+
+
+def test_a_polled_sensor_may_be_late_but_its_halves_not_further_apart(read: Read) -> None:
+    sensor = "{bus: can0, device: ati_netcanoem, period: 10 ms}"
+    config = read(f"    sensors:\n      foot_ft: {sensor}\n").sensors["foot_ft"]
+    assert (config.timeout, config.apart) == (0.2, 0.05)
+
+
 def test_everything_that_is_said_arrives_in_si(read: Read) -> None:
     config = read(BODY)
     assert config.buses["usb"].channel == "/dev/ttyACM0"

@@ -38,6 +38,7 @@ from comcal.measure.source import Block, SourceStatus
 from comcal.measure.still import StillCriterion
 from comcal.workflow.commanders import CommanderOrder
 from comcal.workflow.record import RecordOrder, record_session
+from comcal_drivers.source.live import CanSource
 
 CRITERION = StillCriterion(settle=0.3, timeout=1.5, cop_sd=4e-3, drift=4e-3)
 MOVE_PATIENCE = 3.0
@@ -289,7 +290,10 @@ def _alarm(seconds: float) -> Generator[None]:
 
 @contextlib.contextmanager
 def _spies(watched: Watched) -> Generator[None]:
-    """Look over the shoulder of what writes raw samples; shorten the commander's patience."""
+    """Look over the shoulder of what writes raw samples; shorten the commander's patience.
+
+    What a source was still to count when it was closed is counted: its log has those frames, too.
+    """
     write: Callable[[RawWriter, Block], None] = RawWriter.write
     begin: Callable[..., None] = RawWriter.__init__
 
@@ -302,8 +306,16 @@ def _spies(watched: Watched) -> Generator[None]:
         write(self, block)
         watched.blocks.setdefault(paths[id(self)], []).append(block)
 
+    def close(self: CanSource) -> None:
+        with contextlib.suppress(ComcalError):
+            self.drop_earlier()
+            watched.see_status(self.status())
+        shut(self)
+
     paths: dict[int, int] = {}
+    shut: Callable[[CanSource], None] = CanSource.close
     with (
+        mock.patch.object(CanSource, "close", close),
         mock.patch.object(RawWriter, "__init__", init),
         mock.patch.object(RawWriter, "write", spy),
         mock.patch.object(comcal_drivers.commanders.emulated, "PATIENCE", MOVE_PATIENCE),

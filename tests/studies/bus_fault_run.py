@@ -45,6 +45,8 @@ MOVE_PATIENCE = 3.0
 """How long the commander waits for the robot [s], instead of 20."""
 RUNS = 5
 """Times that the same command is given until every pose is recorded."""
+PAUSE = 0.3
+"""Before it is given again [s]: all of them together outlast any outage."""
 SLACK = 6.0
 """On top of the longest time-out that may have to pass, on a busy machine [s]."""
 LONGEST = 120.0
@@ -204,6 +206,7 @@ def _run(scenario: Scenario, robot: SmallRobot, watched: Watched) -> None:
                 _record(robot, yaml, source, watched)
             if len(watched.finished) == len(robot.plan):
                 break
+            time.sleep(PAUSE)
 
 
 @contextlib.contextmanager
@@ -307,9 +310,10 @@ def _spies(watched: Watched) -> Generator[None]:
         watched.blocks.setdefault(paths[id(self)], []).append(block)
 
     def close(self: CanSource) -> None:
-        with contextlib.suppress(ComcalError):
-            self.drop_earlier()
-            watched.see_status(self.status())
+        if "_stream" in vars(self):  # it was opened
+            with contextlib.suppress(ComcalError):
+                self.drop_earlier()
+                watched.see_status(self.status())
         shut(self)
 
     paths: dict[int, int] = {}

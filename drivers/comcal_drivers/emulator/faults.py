@@ -64,7 +64,8 @@ class Fault:
     part : int or None
         Which message of a sample; None: any, drawn anew each time.
     by : float
-        Frames by which a frame comes late, steps of a counter, seconds of a clock.
+        Frames by which a frame comes late (at most: those of one identifier keep their order unless
+        they are counted), steps of a counter, seconds of a clock.
     length : int or None
         Payload bytes of a frame whose length is wrong; None: one less than it has.
     channel : int or None

@@ -263,7 +263,14 @@ class Injector:
         return before + after
 
     def _emit(self, frame: Frame, out: list[Frame | Outage]) -> None:
-        """Let a frame pass, and behind it those that waited for it."""
+        """Let a frame pass, and behind it those that waited for it.
+
+        Nothing on a bus lets a frame overtake another one of its identifier; adapters that do are
+        found out by a counter, and by nothing where there is none.
+        """
+        if not self._is_counted(frame.device):
+            out.extend(held.frame for held in self._now.held if held.frame.id == frame.id)
+            self._now.held = [held for held in self._now.held if held.frame.id != frame.id]
         out.append(frame)
         self._now.frames += 1
         due = list[_Held]()
@@ -274,6 +281,10 @@ class Injector:
         for held in due:
             self._now.held.remove(held)
             out.append(held.frame)
+
+    def _is_counted(self, device: str) -> bool:
+        layout = self._layouts.get(device)
+        return layout is not None and layout.modulus is not None
 
     def _jump(self, fault: Fault, layout: DeviceLayout, count: int) -> int:
         if fault.kind == "counter_jump":

@@ -85,12 +85,14 @@ class Assembler:
     gaps: dict[str, int] = field(default_factory=dict[str, int])
     _after: int = -1
     _is_whole: bool = True
+    _since: float = np.inf
+    """Stamp of the first tick since then [s]; infinite before there is one."""
     _held: dict[str, Series] = field(default_factory=dict[str, Series])
     """Ticks that are not settled; of other devices the last sample that was used, and all since."""
 
     def begin_after(self, row: int) -> None:
         """Forget what was known up to frame *row*, and begin with the first row without a gap."""
-        self._after, self._is_whole = row, False
+        self._after, self._is_whole, self._since = row, False, np.inf
         self._held.clear()
 
     def feed(self, series: Mapping[str, Series], pending: Mapping[str, Pending]) -> Block:
@@ -118,11 +120,20 @@ class Assembler:
             whole = np.all([slot.usable(taken[slot.name]) for slot in self.slots], axis=0)
             first = int(np.argmax(whole)) if whole.any() else len(t)
             self._is_whole = bool(whole.any())
+            self._count_silent(ticks[:first], taken)
             t, taken = t[first:], {name: values[first:] for name, values in taken.items()}
         for slot in self.slots:
             gaps = int(np.count_nonzero(~slot.usable(taken[slot.name])))
             self.gaps[slot.name] = self.gaps.get(slot.name, 0) + gaps
         return self._block(t, taken)
+
+    def _count_silent(self, ticks: Series, taken: Mapping[str, Array]) -> None:
+        """Count the ticks before the first whole row in which a device should long have spoken."""
+        self._since = min(self._since, float(ticks.t[0])) if len(ticks) else self._since
+        for slot in self.slots:
+            owed = ~slot.usable(taken[slot.name][: len(ticks)])
+            silent = int(np.count_nonzero(owed & (ticks.t - self._since > slot.timeout)))
+            self.gaps[slot.name] = self.gaps.get(slot.name, 0) + silent
 
     def _settled(self, pending: Mapping[str, Pending]) -> Series:
         """Return the ticks to which nothing that is still to come can add anything.

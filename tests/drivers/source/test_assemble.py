@@ -82,3 +82,14 @@ def test_nothing_from_before_is_part_of_what_begins(assembler) -> None:
     # The foot's sample 4 comes before the knee has spoken: rows begin with 6.
     np.testing.assert_array_equal(block.wrenches["foot"][:, 0], [4.0, 5.0])
     np.testing.assert_array_equal(block.q[:, 1], [30.0, 30.0])
+
+
+def test_a_device_that_says_nothing_after_a_beginning_is_missed(assembler) -> None:
+    """Between two poses nobody uses the rows, and still it is told that a device was silent."""
+    assembler.begin_after(3)
+    rows = list(range(4, 44, 2))
+    block = assembler.feed({"foot": samples(rows, rows, 6)}, {})
+    assert block.t.size == 0
+    ages = PERIOD * (np.array(rows) - rows[0]) / 2.0
+    assert assembler.gaps["knee"] == np.count_nonzero(ages > 0.05) == 14
+    assert assembler.gaps["foot"] == 0

@@ -30,6 +30,8 @@ REST = 0.1
 """... and all mistakes together no more than this: else something else is wrong."""
 EQUAL = 6.0
 """Other mistakes whose log odds are less by no more than this are rivals."""
+SAME = 1e-6
+"""Log odds of two that come to the same, but for rounding."""
 MOST = 3
 """Mistakes that are undone one after the other."""
 ROUNDS = 4
@@ -168,9 +170,6 @@ def _best(
     if best == 0 or odds < ENOUGH or left > HALF:
         return None
     order = [int(i) for i in np.argsort(-scores, kind="stable") if i not in (0, best)]
-    rivals = tuple(
-        (tried[i - 1], float(scores[best] - scores[i]))
-        for i in order
-        if scores[best] - scores[i] <= EQUAL
-    )
+    behind = np.where(scores[best] - scores < SAME, 0.0, scores[best] - scores)
+    rivals = tuple((tried[i - 1], float(behind[i])) for i in order if behind[i] <= EQUAL)
     return _Best(tried[best - 1], odds, rivals, left, about)

@@ -64,8 +64,12 @@ def mistakes(robot: Robot, table: PoseTable) -> tuple[Change, ...]:
         found += _of_sensor(sensor)
     for joint in robot.tree.joint_names:
         found += _of_joint(robot, table, joint)
-    for left, right in mirrored_joints(robot):
+    mirrored = mirrored_joints(robot)
+    for left, right in mirrored:
         found += _of_pair(robot, table, left, right)
+    for pair in combinations(robot.tree.joint_names, 2):
+        if pair not in mirrored and pair[::-1] not in mirrored:
+            found += _of_any_pair(robot, table, *pair)
     if robot.imu_link is not None and np.isfinite(table.imu).any():
         found += _of_imu()
     return tuple(found)
@@ -113,6 +117,12 @@ def _of_pair(robot: Robot, table: PoseTable, left: str, right: str) -> Iterator[
     if len(channels) > 1:
         for channel in channels:
             yield _change("left_right_swap", left, (channel,), other=(right,))
+
+
+def _of_any_pair(robot: Robot, table: PoseTable, one: str, other: str) -> Iterator[Change]:
+    for channel in measured_channels(robot, table, one):
+        if channel in measured_channels(robot, table, other):
+            yield _change("channel_swap", one, (channel,), other=(other,))
 
 
 def _of_imu() -> Iterator[Change]:

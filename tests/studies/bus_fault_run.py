@@ -310,10 +310,10 @@ def _spies(watched: Watched) -> Generator[None]:
         watched.blocks.setdefault(paths[id(self)], []).append(block)
 
     def close(self: CanSource) -> None:
-        if "_stream" in vars(self):  # it was opened
-            with contextlib.suppress(ComcalError):
-                self.drop_earlier()
-                watched.see_status(self.status())
+        # Of a source that was never opened, or whose bus is gone, there is nothing more to count.
+        with contextlib.suppress(ComcalError, AttributeError, TypeError, OSError):
+            self.drop_earlier()
+            watched.see_status(self.status())
         shut(self)
 
     paths: dict[int, int] = {}

@@ -133,6 +133,8 @@ def test_an_ordinary_fault_is_not_taken_for_a_mistake(
         "unit_error@l_shoulder:channels=q,factor=57.29577951308232",
         "sign_flip@r_hip_pitch:channels=i",
         "left_right_swap@l_shoulder:channels=q,other=r_shoulder",
+        "channel_swap@waist_pitch:channels=i,other=l_hip_roll",
+        "channel_swap@l_knee:channels=q,other=r_hip_pitch",
         "channel_swap@imu:channels=ax+az",
         "unit_error@imu:channels=ax+ay+az,factor=0.10197162129779283",
     ],

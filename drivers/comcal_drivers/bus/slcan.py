@@ -12,6 +12,7 @@ import os
 import select
 import threading
 import time
+from typing import cast
 
 import can
 import serial
@@ -167,7 +168,9 @@ class SlcanBus(BatchBus):
 
     def _read(self, timeout: float) -> bytes:
         try:
-            fd = self._port.fileno()
+            fd = cast("int | None", self._port.fileno())
+            if fd is None:
+                raise can.CanOperationError("the adapter is gone: its port is being closed")
             if not select.select([fd], [], [], timeout)[0]:
                 return b""
             received = os.read(fd, READ_SIZE)

@@ -160,6 +160,13 @@ def test_pulling_the_adapter_out_is_an_error_at_once(adapter, bus):
     bus.shutdown()
 
 
+def test_a_port_that_another_thread_is_closing_is_an_adapter_that_is_gone(bus, monkeypatch):
+    """For a moment it has no file descriptor any more and still says that it is open."""
+    monkeypatch.setattr(bus._port, "fileno", lambda: None)
+    with pytest.raises(can.CanOperationError, match="gone"):
+        bus.receive(0.0)
+
+
 def test_a_second_program_cannot_take_the_same_adapter(bus, serial_bus):
     with pytest.raises(HardwareError, match="another program uses it"):
         open_bus(serial_bus)

@@ -25,7 +25,6 @@ from comcal.diagnose.channels import (
 from comcal.diagnose.diagnosis import Diagnosis, Misfit, Verdict
 from comcal.diagnose.gain import gains
 from comcal.diagnose.gates.run import gates
-from comcal.diagnose.metric import metric
 from comcal.diagnose.mistakes import screen_mistakes
 from comcal.diagnose.naming import Named, name_causes
 from comcal.diagnose.places import place_of
@@ -173,7 +172,7 @@ def _fits(named: Named) -> bool:
 def _log_evidence(named: Named) -> float:
     """Return ln p(residuals) with the causes as large as faults, each one out of N."""
     scene = named.scene
-    against = metric(scene.products, scene.of.spread(scene.scales, named.causes))
+    against = scene.against(named.causes)
     price = len(named.causes) * float(np.log(max(len(scene.of.candidates), 1)))
     return against.log_likelihood - price
 

@@ -8,7 +8,11 @@ that may be a little off, with standard deviations D. After whitening with N,
     - \tilde x^T \tilde T D (1 + D \tilde T^T \tilde T D)^{-1} D \tilde T^T \tilde y ,
 
 so all that is ever needed are the inner products of the whitened columns with one another and with
-the residuals; another D costs no new residuals.
+the residuals; another D costs no new residuals. Where D changes in a few places S only, nor does it
+cost another factorisation: with inner products K of the old metric and D^2 changed by E,
+
+.. math:: K' = K - K_S (1 + E K_{SS})^{-1} E K_S^T , \qquad
+    \ln\det C' = \ln\det C + \ln\det(1 + E K_{SS}) .
 """
 
 from __future__ import annotations
@@ -105,4 +109,32 @@ def metric(of: Products, spread: Array) -> Metric:
         of.rr - float(right @ right),
         of.rows,
         2.0 * float(np.log(np.diag(L)).sum()),
+    )
+
+
+def respread(of: Metric, old: Array, new: Array) -> Metric:
+    """Change the spread of a few columns.
+
+    Parameters
+    ----------
+    of : Metric
+        With the spread *old*.
+    old, new : array, shape (p,)
+        Standard deviations.
+    """
+    at = np.flatnonzero(old != new)
+    if not at.size:
+        return of
+    E = (new[at] ** 2 - old[at] ** 2)[:, None]
+    M = E * of.K[np.ix_(at, at)]
+    M[np.diag_indices_from(M)] += 1.0
+    taken = np.linalg.solve(M, E * np.column_stack([of.K[at], of.b[at]]))
+    K = of.K - of.K[:, at] @ taken[:, :-1]
+    right = taken[:, -1]
+    return Metric(
+        0.5 * (K + K.T),
+        of.b - of.K[:, at] @ right,
+        of.rr - float(of.b[at] @ right),
+        of.rows,
+        of.log_det + float(np.linalg.slogdet(M)[1]),
     )

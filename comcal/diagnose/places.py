@@ -3,14 +3,15 @@ r"""Where something acts that the catalogue has no name for.
 
 A place (an encoder, a current, a sensor, a link's first moment, the floor) is given a free value in
 every pose, normal with some standard deviation F: whatever function it is of, it can only show in
-the rows that follow that place. With A_p the columns of the place in pose p, the covariance of the
-residuals grows by F^2 sum A_p A_p^T, which stays block diagonal; its evidence needs, per pose,
+the rows that follow that place. With columns A of these values, one block per pose, and the
+covariance C of noise, healthy spread and causes, the log odds are
 
-.. math:: M_p = F^{-2} + \tilde A_p^T \tilde A_p, \qquad Z_p = M_p^{-1/2} \tilde A_p^T [\tilde T, \tilde r] .
+.. math:: \tfrac12 F^2 b^T M^{-1} b - \tfrac12 \ln\det M, \qquad
+    M = 1 + F^2 A^T C^{-1} A, \quad b = A^T C^{-1} r .
 
 The price of a free value in every pose is high, so a place is found only where no function with a
 few numbers does as well.
-"""  # noqa: E501
+"""
 
 from __future__ import annotations
 
@@ -18,10 +19,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
 
 from comcal.diagnose.diagnosis import Place
 from comcal.diagnose.follows import ENOUGH, companion
-from comcal.diagnose.metric import Products, metric
 from comcal.diagnose.naming import Named
 from comcal.diagnose.readings import layout_of
 from comcal.diagnose.scene import Scene
@@ -62,10 +63,9 @@ def place_of(named: Named) -> Place | None:
     """
     scene = named.scene
     best: Place | None = None
-    spread = scene.of.spread(scene.scales, named.causes)
-    base = metric(scene.products, spread).log_likelihood
+    healthy = _Healthy.of(scene, scene.of.spread(scene.scales, named.causes))
     for spot in _spots(scene):
-        odds = max(_log_likelihood(scene, spread, spot, size) for size in SIZES) - base
+        odds = healthy.log_odds(scene.by.turned(spot.columns))
         if odds > 0.0 and (best is None or odds > best.log_odds):
             best = Place(spot.place, spot.target, _followed(scene, spot), odds)
     return best
@@ -103,26 +103,56 @@ def _spots(scene: Scene) -> Iterator[_Spot]:
         yield _Spot("floor", "", FAULTS["floor"] * both)
 
 
-def _log_likelihood(scene: Scene, spread: Array, spot: _Spot, size: float) -> float:
-    A = scene.by.turned(spot.columns * size)
-    k = A.shape[1]
-    determinant = 0.0
-    parts: list[Array] = []
-    right: list[Array] = []
-    for mine in scene.by.slices:
-        a = A[mine]
-        if not a.any():
-            continue
-        L = np.linalg.cholesky(np.eye(k) + a.T @ a)
-        determinant += 2.0 * float(np.log(np.diag(L)).sum())
-        parts.append(np.linalg.solve(L, a.T @ scene.X[mine]))
-        right.append(np.linalg.solve(L, a.T @ scene.r[mine]))
-    if not parts:
-        return -np.inf
-    Z, z = np.concatenate(parts), np.concatenate(right)
-    of = scene.products
-    left = Products(of.K - Z.T @ Z, of.b - Z.T @ z, of.rr - float(z @ z), of.rows)
-    return metric(left, spread).log_likelihood - 0.5 * determinant
+@dataclass(frozen=True)
+class _Healthy:
+    """Whitened residuals against noise and the spread of everything known.
+
+    Parameters
+    ----------
+    slices : tuple of slice
+        Rows of each pose.
+    r : array, shape (m,)
+        Whitened by noise.
+    H : array, shape (q, m)
+        With which C^-1 = 1 - H^T H after whitening by noise.
+    """
+
+    slices: tuple[slice, ...]
+    r: Array
+    H: Array
+
+    @classmethod
+    def of(cls, scene: Scene, spread: Array) -> _Healthy:
+        at = np.flatnonzero(spread)
+        T = scene.X[:, at] * spread[at]
+        L = cholesky(np.eye(at.size) + T.T @ T, lower=True, check_finite=False)
+        H = solve_triangular(L, T.T, lower=True, check_finite=False)
+        return cls(scene.by.slices, scene.r, H)
+
+    def log_odds(self, A: Array) -> float:
+        """Return the log odds of values that are free in every pose, of the likeliest size.
+
+        Parameters
+        ----------
+        A : array, shape (m, k)
+            What values of a fault's size do in their own pose, whitened by noise.
+        """
+        parts = [part for part in self.slices if A[part].any()]
+        if not parts:
+            return -np.inf
+        k = A.shape[1]
+        free = np.zeros((len(A), k * len(parts)))
+        for n, part in enumerate(parts):
+            free[part, n * k : (n + 1) * k] = A[part]
+        across = self.H @ free
+        K = free.T @ free - across.T @ across
+        b = free.T @ self.r - across.T @ (self.H @ self.r)
+        found = list[float]()
+        for F in SIZES:
+            M = np.eye(len(b)) + F**2 * K
+            taken = F**2 * float(b @ np.linalg.solve(M, b))
+            found.append(0.5 * (taken - float(np.linalg.slogdet(M)[1])))
+        return max(found)
 
 
 def _followed(scene: Scene, spot: _Spot) -> str:

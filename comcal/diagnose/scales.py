@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from comcal.diagnose.evidence import all_log_odds
-from comcal.diagnose.metric import metric
+from comcal.diagnose.metric import Metric, metric, respread
 from comcal.diagnose.scene import Scene
 
 GRID = (0.25, 0.5, 1.0, 2.0, 4.0)
@@ -50,15 +50,17 @@ def learnt_scales(about: Scene, causes: Sequence[int] = ()) -> Mapping[str, floa
         family for family, sd in zip(about.of.family, about.of.healthy, strict=True) if sd > 0.0
     )
     scales: dict[str, float] = {}
-    best = _score(about, scales, causes)
+    here = about.against(causes)
+    best = _score(about, here, scales, causes)
     for factor in GRID:
         if factor != 1.0:
             tried = dict.fromkeys(families, factor)
-            score = _score(about, tried, causes)
+            there = metric(about.products, about.of.spread(tried, causes))
+            score = _score(about, there, tried, causes)
             if score > best + (MARGIN if not scales else 0.0):
-                scales, best = tried, score
+                scales, here, best = tried, there, score
     for _ in range(2):
-        for family in _suspects(about, scales, causes):
+        for family in _suspects(about, here, scales, causes):
             if members[family] < MEMBERS:
                 continue
             old = scales.get(family, 1.0)
@@ -66,9 +68,11 @@ def learnt_scales(about: Scene, causes: Sequence[int] = ()) -> Mapping[str, floa
                 tried = {**scales, family: old * factor}
                 if not 1.0 / LARGEST <= old * factor <= LARGEST:
                     continue
-                score = _score(about, tried, causes)
+                sd = about.of.spread(scales, causes)
+                there = respread(here, sd, about.of.spread(tried, causes))
+                score = _score(about, there, tried, causes)
                 if score > best + MARGIN:
-                    scales, best = tried, score
+                    scales, here, best = tried, there, score
     return {family: factor for family, factor in scales.items() if factor != 1.0}
 
 
@@ -78,22 +82,25 @@ def penalty(scales: Mapping[str, float]) -> float:
     return -0.5 * sum(float(np.log(value) / OVERALL) ** 2 for value in values)
 
 
-def _score(about: Scene, scales: Mapping[str, float], causes: Sequence[int]) -> float:
-    against = metric(about.products, about.of.spread(scales, causes))
+def _score(
+    about: Scene, against: Metric, scales: Mapping[str, float], causes: Sequence[int]
+) -> float:
     odds = all_log_odds(about.of, against)
     odds[list(causes)] = -np.inf
     best = float(odds.max(initial=-np.inf)) - float(np.log(max(len(odds), 1)))
     return against.log_likelihood + max(0.0, best) + penalty(scales)
 
 
-def _suspects(about: Scene, scales: Mapping[str, float], causes: Sequence[int]) -> list[str]:
+def _suspects(
+    about: Scene, against: Metric, scales: Mapping[str, float], causes: Sequence[int]
+) -> list[str]:
     """Return families whose members are together larger or smaller than stated, worst first."""
-    against = metric(about.products, about.of.spread(scales, causes))
     odds = all_log_odds(about.of, against)
     odds[list(causes)] = -np.inf
     if odds.max(initial=-np.inf) > 0.0:
         named = (*causes, int(np.argmax(odds)))
-        against = metric(about.products, about.of.spread(scales, named))
+        sd = about.of.spread(scales, causes)
+        against = respread(against, sd, about.of.spread(scales, named))
     sd = about.of.spread(scales)
     found: dict[str, float] = {}
     names = np.array(about.of.family)

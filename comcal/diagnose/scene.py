@@ -11,7 +11,7 @@ import numpy as np
 
 from comcal.diagnose.catalogue import Catalogue
 from comcal.diagnose.linear import Linear
-from comcal.diagnose.metric import Metric, Products, metric, products
+from comcal.diagnose.metric import Metric, Products, metric, products, respread
 from comcal.diagnose.whitening import Whitening, whitening
 from comcal.effects.effect import State
 from comcal.robot.tree import Array
@@ -60,9 +60,15 @@ class Scene:
         """Inner products after whitening by noise."""
         return products(self.X, self.r)
 
+    @cached_property
+    def healthy(self) -> Metric:
+        """The metric in which nothing but the healthy spread is there."""
+        return metric(self.products, self.of.spread(self.scales))
+
     def against(self, causes: Sequence[int] = ()) -> Metric:
         """Return the metric in which *causes* may be there."""
-        return metric(self.products, self.of.spread(self.scales, causes))
+        of = self.of
+        return respread(self.healthy, of.spread(self.scales), of.spread(self.scales, causes))
 
     def log_evidence(self, causes: Sequence[int] = ()) -> float:
         """Return ln p(residuals) with *causes* as large as faults, up to a constant per row."""

@@ -191,10 +191,8 @@ def _up(assumed: Assumed, table: PoseTable, at: Placements, standing: Standing |
         up_in_P = rotation_from_rpy([roll, pitch, 0.0])[2]
         return apply(standing.R_root_P, np.broadcast_to(up_in_P, (len(table), 3)))
     robot = assumed.robot
-    R = np.stack(
-        [rotation_from_rpy([roll, pitch, 0.0]) for roll, pitch in np.nan_to_num(table.base_tilt)]
-    )
-    up = R[:, 2]
+    tilt = np.nan_to_num(table.base_tilt)
+    up = rotation_from_rpy(np.column_stack([tilt, np.zeros(len(tilt))]))[:, 2]
     if robot.imu_link is None:
         return up
     seen = np.isfinite(table.imu).all(axis=1, keepdims=True)

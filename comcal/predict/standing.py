@@ -79,9 +79,8 @@ def world_axes(up: Array) -> Array:
         Upward vector in the root frame; where it is unknown, the robot counts as upright.
     """
     x, y, z = np.nan_to_num(up).T
-    roll, pitch = np.arctan2(y, z), np.arctan2(-x, np.hypot(y, z))
-    R = [rotation_from_rpy([r, p, 0.0]).T for r, p in zip(roll, pitch, strict=True)]
-    return np.stack(R) if R else np.zeros((0, 3, 3))
+    rpy = [np.arctan2(y, z), np.arctan2(-x, np.hypot(y, z)), np.zeros(len(up))]
+    return np.swapaxes(rotation_from_rpy(np.stack(rpy, axis=-1)), 1, 2)
 
 
 def _moment_at_sole(

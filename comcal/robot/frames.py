@@ -40,19 +40,32 @@ def rotation_about(axis: npt.ArrayLike, angle: npt.ArrayLike) -> Array:
 
 
 def rotation_from_rpy(rpy: npt.ArrayLike) -> Array:
-    """Return URDF's fixed-axis rotation ``Rz(yaw) Ry(pitch) Rx(roll)``.
+    """Return URDF's fixed-axis rotation ``Rz(yaw) Ry(pitch) Rx(roll)``, multiplied out.
 
     Parameters
     ----------
-    rpy : array, shape (3,)
+    rpy : array, shape (..., 3)
         Roll, pitch, yaw [rad].
+
+    Returns
+    -------
+    R : array, shape (..., 3, 3)
     """
-    roll, pitch, yaw = np.asarray(rpy, dtype=np.float64)
-    Rz, Ry, Rx = (
-        rotation_about(axis, angle)
-        for axis, angle in zip(np.eye(3)[::-1], (yaw, pitch, roll), strict=True)
+    angles = np.asarray(rpy, dtype=np.float64)
+    (sr, sp, sy), (cr, cp, cy) = (np.moveaxis(f(angles), -1, 0) for f in (np.sin, np.cos))
+    R = np.empty((*angles.shape[:-1], 3, 3))
+    R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = (
+        cy * cp,
+        cy * sp * sr - sy * cr,
+        cy * sp * cr + sy * sr,
     )
-    return Rz @ Ry @ Rx
+    R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = (
+        sy * cp,
+        sy * sp * sr + cy * cr,
+        sy * sp * cr - cy * sr,
+    )
+    R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = -sp, cp * sr, cp * cr
+    return R
 
 
 def transform_from(R: npt.ArrayLike, p: npt.ArrayLike) -> Array:

@@ -24,7 +24,7 @@ from comcal_sims.conventions import (
     link_name,
     on_part_above,
 )
-from comcal_sims.pybullet_urdf import bullet_urdf, cut_name
+from comcal_sims.pybullet_urdf import cut_name
 from comcal_sims.rotations import quaternion_xyzw
 from comcal_sims.world import Load
 
@@ -45,15 +45,19 @@ class BulletBody:
         pybullet.
     client : int
     robot : Robot
+    urdf : str
+        What :func:`comcal_sims.pybullet_urdf.bullet_urdf` makes of it.
     held : bool
         Whether the base link is nailed to the world.
     """
 
-    def __init__(self, engine: ModuleType, client: int, robot: Robot, *, held: bool) -> None:
+    def __init__(
+        self, engine: ModuleType, client: int, robot: Robot, urdf: str, *, held: bool
+    ) -> None:
         self._p, self._client, self._robot = engine, client, robot
         with tempfile.TemporaryDirectory(prefix="comcal-") as directory:
             path = Path(directory) / "robot.urdf"
-            path.write_text(bullet_urdf(robot), encoding="utf-8")
+            path.write_text(urdf, encoding="utf-8")
             self.id: int = engine.loadURDF(
                 str(path),
                 useFixedBase=held,

@@ -18,6 +18,7 @@ from comcal_sims.conventions import check_standing, specific_force
 from comcal_sims.engines import import_engine, silenced
 from comcal_sims.footing import base_in_world
 from comcal_sims.pybullet_body import FRICTION, BulletBody
+from comcal_sims.pybullet_urdf import bullet_urdf
 from comcal_sims.rotations import floor_rotation, quaternion_xyzw
 from comcal_sims.springless import Springless
 from comcal_sims.world import Load, WorldState
@@ -27,6 +28,9 @@ TIME_STEP = 1 / 240
 HELD_TIME_STEP = 1 / 1920
 """Of a robot that hangs [s]. pybullet lets everything fall for one step before its motors catch it,
 and its force sensors feel what that step would have turned into centrifugal forces."""
+HELD_SETTLE = 0.25
+"""Longest settling time of a robot that hangs [s]: nothing rocks, from 0.05 s on its wrenches
+and torques are the same to the last digits, and a joint too weak to hold has given way."""
 REGULARISATION = 1e-8
 """Constraint force mixing of the direct solver: makes the statically indeterminate shares of two
 feet unique. Ten times more would do; the creep down a slope grows with it."""
@@ -49,7 +53,8 @@ class PybulletWorld(Springless):
     robot : Robot
         Its tree is what stands there; the soles of its feet are the only surfaces.
     settle : float
-        Time given to every new pose before it counts [s].
+        Time given to every new pose before it counts [s]; a robot that hangs needs no more than
+        :data:`HELD_SETTLE`.
     contact : {"rigid", "compliant"}
         Hard ground, or a spring under each corner of a sole. A robot of human size rocks on
         springs: let it settle for 1.5 s on two feet, for 3 s on one.
@@ -80,11 +85,14 @@ class PybulletWorld(Springless):
     ) -> None:
         _refuse_sliders(robot)
         self._robot, self._settle, self._contact = robot, settle, contact
+        self._urdf = bullet_urdf(robot)
         self._p, self._version = import_engine("pybullet", "sim")
         self._client: int | None = self._p.connect(self._p.DIRECT)
         self._body: BulletBody | None = None
         self._loads: tuple[Load, ...] = ()
         self._step, self._clock, self._steps = TIME_STEP, 0.0, 0
+        self._state: WorldState | None = None
+        """What was read since the last step."""
 
     @property
     def name(self) -> str:
@@ -108,19 +116,21 @@ class PybulletWorld(Springless):
         if pose.support != NONE:
             self._lay_floor(pose)
         self._body = BulletBody(
-            self._p, self._open_client(), self._robot, held=pose.support == NONE
+            self._p, self._open_client(), self._robot, self._urdf, held=pose.support == NONE
         )
         if self._contact == "compliant":
             weight = self._robot.tree.total_mass * self._robot.gravity
             self._body.soften(PAD_STIFFNESS * weight, PAD_DAMPING * PAD_STIFFNESS * weight)
         self._body.put(T_world_base, pose.q)
-        self.advance(max(self._settle, self._step))
+        settle = min(self._settle, HELD_SETTLE) if pose.support == NONE else self._settle
+        self.advance(max(settle, self._step))
         check_standing(pose, T_world_base, self._body.link_frame(0))
 
     def advance(self, duration: float) -> None:
         """Let *duration* seconds pass; steps are made when they are due, so any length will do."""
         body, client = self._require_pose(), self._open_client()
         self._clock += duration
+        self._state = None
         due = int(np.floor(self._clock / self._step + 1e-6))
         for _ in range(due - self._steps):
             for load in self._loads:
@@ -130,8 +140,10 @@ class PybulletWorld(Springless):
 
     def stand(self, robot: Robot) -> None:
         """Let another robot with the same joints stand there from the next pose on."""
+        if robot is self._robot:
+            return
         _refuse_sliders(robot)
-        self._robot = robot
+        self._robot, self._urdf = robot, bullet_urdf(robot)
 
     def pull(self, loads: Sequence[Load]) -> None:
         """Let these forces act from the next pose on."""
@@ -146,6 +158,7 @@ class PybulletWorld(Springless):
             [rad]
         """
         self._require_pose().command(q)
+        self._state = None
 
     def state(self) -> WorldState:
         """Return what is true now; ``t`` counts from the moment the pose was placed.
@@ -156,12 +169,14 @@ class PybulletWorld(Springless):
             If no pose was placed yet, or the world is closed.
         """
         body, robot = self._require_pose(), self._robot
+        if self._state is not None:
+            return self._state
         q, torques = body.joint_state()
         imu = None
         if robot.imu_link is not None:
             T_world_imu = body.link_frame(robot.tree.link_index[robot.imu_link])
             imu = specific_force(robot, T_world_imu[:3, :3])
-        return WorldState(
+        self._state = WorldState(
             t=self._clock,
             q=q,
             wrenches={sensor: body.wrench(sensor) for sensor in robot.sensors},
@@ -170,12 +185,13 @@ class PybulletWorld(Springless):
             com=body.com(),
             T_world_base=body.link_frame(0),
         )
+        return self._state
 
     def close(self) -> None:
         """Release the engine; closing twice is harmless."""
         if self._client is not None:
             self._p.disconnect(physicsClientId=self._client)
-        self._client = self._body = None
+        self._client = self._body = self._state = None
 
     def __enter__(self) -> PybulletWorld:
         return self
@@ -206,7 +222,7 @@ class PybulletWorld(Springless):
         p, client = self._p, self._open_client()
         self._step = HELD_TIME_STEP if held else TIME_STEP
         self._clock, self._steps = 0.0, 0
-        self._body = None
+        self._body = self._state = None
         p.resetSimulation(physicsClientId=client)
         p.setGravity(0, 0, -self._robot.gravity, physicsClientId=client)
         p.setPhysicsEngineParameter(

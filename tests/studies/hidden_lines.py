@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 
 import numpy as np
+from hidden_columns import BUILTIN, BY_LOAD, MUJOCO
 from hidden_draw import contacts, gate, heavy, mistake, of_size, scaled, unknown_of_size
 from hidden_ruler import Size, ruler
 from hidden_scenario import Pair, scenario, tolerances
-from hidden_world import BUILTIN
 
 from comcal.robot.changes import Change
 from comcal.robot.model import Robot
@@ -127,12 +127,21 @@ def _sized(
 
     How two feet share the load is another matter in every engine, and with it what depends on it.
     """
+    engine = _ruled_in(engine, pair)
     found = ruler(poses, engine).size(pair, (change,), engine)
     factor = wanted / max(found.s, 0.5 * wanted)
     if abs(factor - 1.0) < SAME_SIZE:
         return change, found
     change = scaled(change, factor)
     return change, ruler(poses, engine).size(pair, (change,), engine)
+
+
+def _ruled_in(engine: str, pair: Pair) -> str:
+    """Return the world in which a size is measured: plain statics, where the engine agrees.
+
+    Of 40 draws pybullet gave sizes within 0.5 % of it; MuJoCo shares loads of two feet otherwise.
+    """
+    return engine if engine == MUJOCO and pair[0] in BY_LOAD else BUILTIN
 
 
 def healthy(rng: np.random.Generator, engine: str) -> Case:
@@ -168,7 +177,7 @@ def unknown(rng: np.random.Generator, engine: str, sizes: tuple[float, float]) -
     for _ in range(DRAWS):
         change = unknown_of_size(measure, rng.uniform(*sizes), rng)
         if change is not None:
-            s = float(np.linalg.norm(ruler("mixed", engine).difference((change,), engine)[0]))
+            s = float(np.linalg.norm(measure.difference((change,))[0]))
             return Case("mixed", engine, (change,), (Size(s, s, ("", "")),))
     raise LookupError("nothing of this size was drawn")
 
@@ -271,7 +280,8 @@ def ambiguous(
         if keep and set(keep) & set(change.parameters):
             kept = {k: v for k, v in change.parameters.items() if k in keep}
             change = replace(change, parameters=kept)
-        size = ruler(judged_in, engine).size(pair, (change,), engine)
+        ruled_in = _ruled_in(engine, pair)
+        size = ruler(judged_in, ruled_in).size(pair, (change,), ruled_in)
         if size.s >= sizes[0]:
             return Case(poses, engine, (change,), (size,))
     raise LookupError("none of these effects was drawn")

@@ -169,6 +169,10 @@ def _best(
     left = float(excess[best] / excess[0]) if excess[0] > 0.0 else 0.0
     if best == 0 or odds < ENOUGH or left > HALF:
         return None
+    # What is only told by a few poses happened there: a mistake of wiring is in all of them.
+    apart = each.score_apart(best, about.ordinary) - each.score_apart(0, about.ordinary)
+    if apart - float(np.log(len(tried))) < ENOUGH:
+        return None
     order = [int(i) for i in np.argsort(-scores, kind="stable") if i not in (0, best)]
     behind = np.where(scores[best] - scores < SAME, 0.0, scores[best] - scores)
     rivals = tuple((tried[i - 1], float(behind[i])) for i in order if behind[i] <= EQUAL)

@@ -25,6 +25,10 @@ from comcal.robot.tree import Array
 
 TAIL = 3.0
 """Degrees of freedom of the first glance, which no single wild row decides."""
+MOST_APART = 6
+"""Poses in which a hand, say, may have touched the robot."""
+ELSEWHERE = 10.0
+"""Log odds against that in one pose."""
 G_ERROR = 0.03
 """Relative error of the length of what an IMU reads."""
 
@@ -94,6 +98,14 @@ class Attempts:
         chi2 = at.distances(self.residuals) + self.lengths**2
         chi2[~np.isfinite(self.residuals[used]).all(axis=0)] = np.inf
         return -0.5 * chi2 + self.prior, np.maximum(chi2 - float(used.sum()), 0.0)
+
+    def score_apart(self, k: int, at: Ordinary) -> float:
+        """Return the log likelihood of one attempt if something else happened in a few poses."""
+        poses = len(self.tables[k])
+        price = float(len(self.residuals)) / poses + 2.0 * ELSEWHERE
+        chi2, apart = at.apart(self.residuals[:, k], min(MOST_APART, poses // 4), price)
+        chi2 += float(self.lengths[k] ** 2) + price * apart
+        return -0.5 * chi2 + float(self.prior[k])
 
 
 def attempts(assumed: Assumed, table: PoseTable, tried: Sequence[Change]) -> Attempts:

@@ -85,6 +85,49 @@ class Ordinary:
     shared: Array
     calm: Array
 
+    def apart(self, residuals: Array, most: int, price: float) -> tuple[float, int]:
+        """Return chi2 of one set of residuals but for the poses that are furthest off.
+
+        Parameters
+        ----------
+        residuals : array, shape (n,)
+            NaN: left out.
+        most : int
+            Poses that may be set apart.
+        price : float
+            By how much a pose must lower chi2 for that.
+
+        Returns
+        -------
+        chi2 : float
+        number : int
+            Of poses that were set apart.
+        """
+        used = np.flatnonzero(np.isfinite(residuals))
+        pose, r = self.linear.at.pose[used], residuals[used]
+        cov = self.shared[used] @ self.shared[used].T
+        for i in np.unique(pose):
+            mine = pose == i
+            each = self.each[used[mine]]
+            cov[np.ix_(mine, mine)] += each @ each.T
+        cov[np.diag_indices_from(cov)] += (LEAST * self.calm[used]) ** 2
+        P = np.linalg.inv(cov)
+        apart = 0
+        while True:
+            v = P @ r
+            gains = {
+                i: float(v[mine] @ np.linalg.solve(P[np.ix_(mine, mine)], v[mine]))
+                for i in np.unique(pose).tolist()
+                for mine in [pose == i]
+            }
+            worst = max(gains, key=lambda i: gains[i], default=None)
+            if worst is None or apart >= most or gains[worst] < price:
+                return float(r @ v), apart
+            mine = pose == worst
+            rest, taken = ~mine, np.linalg.solve(P[np.ix_(mine, mine)], P[mine][:, ~mine])
+            P = P[np.ix_(rest, rest)] - P[np.ix_(rest, mine)] @ taken
+            pose, r, apart = pose[rest], r[rest], apart + 1
+
     def distances(self, residuals: Array) -> Array:
         """Return chi2 of several sets of residuals, shape (n, k) to (k,).
 

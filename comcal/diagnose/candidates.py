@@ -37,12 +37,15 @@ class Candidate:
         Its parameters, in the order of the columns.
     poses : tuple of int or None
         Ids of the only poses in which it acts; None: all.
+    log_prior : float
+        Against that of a cause that acts in all poses.
     """
 
     effect: Effect
     target: str
     keys: tuple[str, ...]
     poses: tuple[int, ...] | None = None
+    log_prior: float = 0.0
 
     @property
     def name(self) -> str:

@@ -72,6 +72,11 @@ class Catalogue:
         )
 
     @cached_property
+    def log_prior(self) -> Array:
+        """Of each candidate, shape (n_candidates,)."""
+        return np.array([c.log_prior for c in self.candidates], np.float64)
+
+    @cached_property
     def index(self) -> Mapping[str, int]:
         """Number of every candidate by its name."""
         return {c.name: i for i, c in enumerate(self.candidates)}

@@ -3,7 +3,8 @@
 
 There are as many of these causes as links times poses, so only the best is ever written out; its
 columns are cut to its pose before anything is whitened. In one pose a force somewhere on a link is
-any wrench without a part of its couple along it; where it acts follows from both.
+any wrench without a part of its couple along it; where it acts follows from both. A touch of one
+link is as likely beforehand as anything else there, and that it was in this pose one of all.
 
 Wrenches count about the link's CoM, which a hand is about as far from as from anything else on the
 link. Of a robot that hangs, only torques tell of a touch: about a joint's own axis that would be
@@ -74,6 +75,7 @@ class Contact:
     link, pose : int
         Numbers of the link and of the row of the table.
     log_odds : float
+        With its prior.
     """
 
     link: int
@@ -84,6 +86,15 @@ class Contact:
 def links_that_touch(about: Scene) -> tuple[int, ...]:
     """Return the links that could touch something: those with a mass."""
     return tuple(k for k, link in enumerate(about.at.assumed.robot.tree.links) if link.mass > 0.0)
+
+
+def touches_count(about: Scene) -> bool:
+    """Return whether contacts are looked for."""
+    of = about.of
+    return any(
+        may_be and candidate.effect.name == EFFECT
+        for candidate, may_be in zip(of.candidates, of.open, strict=True)
+    )
 
 
 def contacts(about: Scene, causes: Sequence[int]) -> list[Contact]:
@@ -111,6 +122,7 @@ def contacts(about: Scene, causes: Sequence[int]) -> list[Contact]:
         tx = t.T @ x
         K = x.T @ x - tx.T @ cho_solve(M, tx)
         odds = log_odds_of(K[at_links[:, :, None], at_links[:, None]], (x.T @ r[rows])[at_links])
+        odds += _log_prior(about)
         found += [Contact(k, pose, float(o)) for k, o in zip(links, odds, strict=True)]
     return sorted(found, key=lambda contact: -contact.log_odds)
 
@@ -128,7 +140,9 @@ def with_contact(about: Scene, contact: Contact) -> Scene:
     tree, table = about.at.assumed.robot.tree, about.at.table
     link, pose = tree.links[contact.link], table.pose[contact.pose]
     R_link_P = about.at.links.R_link_P[contact.pose, contact.link]
-    candidate = WrenchInPose(effects()[EFFECT], link.name, KEYS, (pose,), R_link_P, link.com)
+    candidate = WrenchInPose(
+        effects()[EFFECT], link.name, KEYS, (pose,), _log_prior(about), R_link_P, link.com
+    )
     here = (about.at.at.pose == contact.pose)[:, None]
     raw = -_wrenches(about, contact.link) * here
     one = catalogue([candidate], about.at.assumed.robot)
@@ -140,6 +154,10 @@ def with_contact(about: Scene, contact: Contact) -> Scene:
         raw=np.concatenate([about.raw, raw], axis=1),
         X=np.concatenate([about.X, about.by.turned(raw)], axis=1),
     )
+
+
+def _log_prior(about: Scene) -> float:
+    return -float(np.log(len(about.at.table)))
 
 
 def _wrenches(about: Scene, link: int) -> Array:

@@ -55,6 +55,8 @@ class Rival:
         The same in sigmas: below 3 it is the simpler cause that is preferred, not the likelier.
     fits_better : bool
         Whether it holds the cause named as a special case and fits better than chance would let it.
+    poses : tuple of int
+        Ids of the only poses in which it would act; empty: those of the cause named.
     """
 
     effect: str
@@ -63,11 +65,13 @@ class Rival:
     left: float
     left_sigmas: float = float("inf")
     fits_better: bool = False
+    poses: tuple[int, ...] = ()
 
     @property
     def name(self) -> str:
-        """``effect@target``."""
-        return f"{self.effect}@{self.target}" if self.target else self.effect
+        """``effect@target``, and the poses if there are only some."""
+        name = f"{self.effect}@{self.target}" if self.target else self.effect
+        return f"{name} in pose {', '.join(map(str, self.poses))}" if self.poses else name
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ Causes that are there already belong to C, each with the spread of a fault.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -81,15 +81,16 @@ def explained(
 
 
 def explain(of: Catalogue, i: int, against: Metric) -> Explanation:
-    """Explain residuals by candidate *i* of a catalogue."""
+    """Explain residuals by candidate *i* of a catalogue, whose prior counts."""
     part = of.slices[i]
-    return explained(
+    found = explained(
         against.K[part, part],
         against.b[part],
         of.fault[part],
         of.positive[part],
         of.required[part],
     )
+    return replace(found, log_odds=found.log_odds + of.log_prior[i])
 
 
 def all_log_odds(of: Catalogue, against: Metric) -> Array:
@@ -105,6 +106,7 @@ def all_log_odds(of: Catalogue, against: Metric) -> Array:
         b = F * against.b[at]
         scaled = np.linalg.solve(M, b[..., None])[..., 0]
         found[numbers] = 0.5 * (np.sum(b * scaled, axis=1) - np.linalg.slogdet(M)[1])
+        found[numbers] += of.log_prior[numbers]
         for n in np.flatnonzero((of.positive[at] & (scaled <= 0.0)).any(axis=1)):
             found[numbers[n]] = explain(of, int(numbers[n]), against).log_odds
     return np.where(of.open, found, IMPOSSIBLE)

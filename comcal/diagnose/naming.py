@@ -8,7 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from comcal.diagnose.contacts import EFFECT, Contact, contacts, links_that_touch, with_contact
+from comcal.diagnose.contacts import (
+    Contact,
+    contacts,
+    links_that_touch,
+    touches_count,
+    with_contact,
+)
 from comcal.diagnose.diagnosis import Rung
 from comcal.diagnose.evidence import Explanation, all_log_odds, explain
 from comcal.diagnose.refit import refitted
@@ -63,7 +69,33 @@ def name_causes(about: Scene, most: int = MOST_CAUSES) -> Named:
     about : Scene
     most : int
         Number of causes beyond which nothing is explained any more.
+
+    Notes
+    -----
+    Several hands that touch something are together well imitated by a sensor's crosstalk, which has
+    more parameters than each of them. Where causes leave what cannot be chance, contacts are looked
+    for before anything else, and the better explanation is kept.
     """
+    found = _searched(about, most, touches_first=False)
+    if not touches_count(about) or not _hopeless(found.scene, found.causes):
+        return found
+    other = _searched(about, most, touches_first=True)
+    return max((found, other), key=_worth)
+
+
+def _hopeless(here: Scene, causes: tuple[int, ...]) -> bool:
+    """Whether what is left cannot be chance."""
+    left = here.against(causes)
+    return bool(chdtrc(max(left.rows, 1), left.rr) < HOPELESS)
+
+
+def _worth(named: Named) -> float:
+    """Return the log evidence of the causes, less what each must bring."""
+    return named.scene.log_evidence(named.causes) - len(named.causes) * named.threshold
+
+
+def _searched(about: Scene, most: int, *, touches_first: bool) -> Named:
+    """Name causes, forward and backward."""
     threshold = threshold_of(
         len(about.of.candidates) + len(links_that_touch(about)) * len(about.at.table)
     )
@@ -78,7 +110,8 @@ def name_causes(about: Scene, most: int = MOST_CAUSES) -> Named:
         ladder.append(_rung(here, causes, fit, odds, threshold))
         best = int(np.argmax(odds)) if len(odds) else -1
         touch = _contact(here, causes)
-        if touch is not None and touch.log_odds > max(odds.max(initial=-np.inf), threshold):
+        least = threshold if touches_first else max(odds.max(initial=-np.inf), threshold)
+        if touch is not None and touch.log_odds > least:
             about, here = with_contact(about, touch), with_contact(here, touch)
             best = len(about.of.candidates) - 1
         elif best < 0 or odds[best] <= threshold or _lasting(about, causes) >= most:
@@ -114,11 +147,7 @@ def _lasting(about: Scene, causes: tuple[int, ...]) -> int:
 
 def _contact(about: Scene, causes: tuple[int, ...]) -> Contact | None:
     """Return the likeliest contact in a pose that has none yet, if contacts are looked for."""
-    of = about.of
-    if not any(
-        may_be and candidate.effect.name == EFFECT
-        for candidate, may_be in zip(of.candidates, of.open, strict=True)
-    ):
+    if not touches_count(about):
         return None
     taken = {about.of.candidates[i].poses for i in causes} - {None}
     if len(taken) >= MOST_CONTACTS:
@@ -178,8 +207,7 @@ def _needed(
     What was named while larger causes were still unknown may only be needed in a linearisation
     about itself.
     """
-    left = here.against(causes)
-    if len(causes) < 2 or chdtrc(max(left.rows, 1), left.rr) < HOPELESS:
+    if len(causes) < 2 or _hopeless(here, causes):
         return causes
     with_all, best = here.log_evidence(causes), causes
     least = threshold

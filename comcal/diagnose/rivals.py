@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import chdtrc
 
-from comcal.diagnose.contacts import contacts
+from comcal.diagnose.contacts import EFFECT, contacts, touches_count
 from comcal.diagnose.diagnosis import Rival
 from comcal.diagnose.evidence import all_log_odds, explain
 from comcal.diagnose.metric import Metric
@@ -65,9 +65,11 @@ def rivals_of(named: Named, i: int) -> tuple[tuple[Rival, ...], float]:
     x = own_coordinates(named, i)
     size = size_of(named, i)
     mine = scene.of.candidates[i]
+    # A contact that was found once more is another candidate of the same name.
+    taken = {scene.of.candidates[c].name for c in named.causes}
     found: list[Rival] = []
     for c in np.argsort(-odds).tolist():
-        if c in named.causes or not np.isfinite(odds[c]):
+        if scene.of.candidates[c].name in taken or not np.isfinite(odds[c]):
             continue
         candidate = scene.of.candidates[c]
         left = left_by(scene, against, x, i, c)
@@ -87,6 +89,8 @@ def rivals_of(named: Named, i: int) -> tuple[tuple[Rival, ...], float]:
     poses = mine.poses
     if poses is not None:
         found += _elsewhere(named, i, others, own, poses)
+    else:
+        found += _in_one_pose(scene, others, own)
     return tuple(sorted(found, key=lambda rival: rival.log_odds)), own
 
 
@@ -106,6 +110,21 @@ def _elsewhere(
     return [
         Rival(mine.effect.name, tree.links[c.link].name, own - c.log_odds, 1.0)
         for c in same[:SHOWN]
+    ]
+
+
+def _in_one_pose(scene: Scene, others: tuple[int, ...], own: float) -> list[Rival]:
+    """Return the contact in one pose that could be all there is, if it cannot be excluded.
+
+    Such as where only one pose stretches a spring.
+    """
+    if not touches_count(scene):
+        return []
+    table, links = scene.at.table, scene.at.assumed.robot.tree.links
+    free = [c for c in contacts(scene, others) if own - c.log_odds < UNDECIDED]
+    return [
+        Rival(EFFECT, links[c.link].name, own - c.log_odds, 1.0, poses=(table.pose[c.pose],))
+        for c in free[:1]
     ]
 
 

@@ -131,6 +131,7 @@ def _rival(rival: Rival) -> dict[str, Any]:
         "target": rival.target,
         "log_odds": number(rival.log_odds),
         "left": number(rival.left),
+        "poses": list(rival.poses),
     }
 
 

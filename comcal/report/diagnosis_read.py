@@ -153,6 +153,7 @@ def _rival(content: Mapping[str, Any]) -> Rival:
         content["target"],
         _odds(content["log_odds"]),
         _number(content["left"]),
+        poses=tuple(content.get("poses", ())),
     )
 
 

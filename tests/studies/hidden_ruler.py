@@ -4,12 +4,12 @@
 Size s: whitened norm of the rows with the effect minus those without, in exact readings of the
 engine that also makes the data. Separation d: the norm that the strongest rival leaves of it in its
 best fit, with no parameter beyond a few faults. Effects that contain the hidden one as a special
-case are no rivals.
+case are no rivals; a force on a link in one pose is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -29,6 +29,9 @@ from hidden_world import record, table_of
 from comcal.measure.table import PoseTable
 from comcal.robot.changes import ALL, Change
 
+CONTACT = "external_contact"
+Touch = tuple[str, str, int]
+"""Effect, link and pose."""
 FORCES = ("fx", "fy", "fz")
 ANGLES = ("roll", "pitch", "yaw")
 
@@ -118,6 +121,7 @@ class Ruler:
         self._of_poses = cache(self._whitener)
         self._all = poses
         self._faults = dict[Pair, np.ndarray]()
+        self._touches = dict[tuple[int, ...], dict[Touch, np.ndarray]]()
 
     def faults(self, pair: Pair, poses: tuple[int, ...] | None = None) -> np.ndarray:
         """Return the whitened columns of an effect, per fault, shape (m, k)."""
@@ -126,6 +130,24 @@ class Ruler:
         if pair not in self._faults:
             self._faults[pair] = self._faults_in(pair, self._all)
         return self._faults[pair]
+
+    def touches(self, poses: tuple[int, ...] | None = None) -> Mapping[Touch, np.ndarray]:
+        """Return the whitened columns of forces at all links in single poses, (m, 3) each."""
+        wanted = self._all if poses is None else tuple(poses)
+        if wanted not in self._touches:
+            found = dict[Touch, np.ndarray]()
+            size = scenario().data["rival"] * np.array(list(scenario().fault(CONTACT).values()))
+            for link in scenario().robot.tree.links:
+                pair = (CONTACT, link.name)
+                if pair not in self._columns:
+                    continue
+                for pose in wanted:
+                    here = np.array(self._all)[self.rows.pose] == pose
+                    found[(*pair, pose)] = self._whitened(
+                        np.where(here[:, None], self._columns[pair] * size, 0.0), wanted
+                    )
+            self._touches[wanted] = found
+        return self._touches[wanted]
 
     def _faults_in(self, pair: Pair, poses: tuple[int, ...]) -> np.ndarray:
         fault = np.array(list(scenario().fault(pair[0]).values()))
@@ -197,6 +219,12 @@ class Ruler:
             rest = float(np.sqrt(max(x @ x - x @ A @ c, 0.0)))
             if rest < best:
                 best, strongest = rest, other
+        for (effect, link, _), column in self.touches(poses).items():
+            A = np.hstack([column, *free])
+            c = np.linalg.solve(A.T @ A + np.eye(A.shape[1]), A.T @ x)
+            rest = float(np.sqrt(max(x @ x - x @ A @ c, 0.0)))
+            if rest < best:
+                best, strongest = rest, (effect, link)
         return best, strongest
 
     def whitened_of(self, values: np.ndarray, poses: tuple[int, ...]) -> np.ndarray:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from hidden_rates import Rate, classes, counts, extra, names, rates, right, set_size
+from hidden_rates import Median, Rate, classes, counts, extra, medians, names, rates, right
 from hidden_scenario import Pair
 
 Record = Mapping[str, Any]
@@ -26,6 +26,13 @@ def table(records: Sequence[Record]) -> list[str]:
             f"{100 * low:5.1f} to {100 * high:5.1f} {rate.n:5d}  {_asked(rate):15} "
             f"{_verdict(rate)}"
         )
+    lines.append(f"{'':48} {'median':>10}  {'largest':>13} {'n':>5}  asked for")
+    for median in medians(records):
+        lines.append(
+            f"{median.what:48} {_number(median.value, median):>10}  "
+            f"{_number(max(median.values), median):>13} {len(median.values):5d}  "
+            f"{_at_most(median):15} {_median_verdict(median)}"
+        )
     return lines
 
 
@@ -38,7 +45,28 @@ def markdown(records: Sequence[Record]) -> list[str]:
             f"| {rate.criterion.what} | {100 * rate.share:.1f} % | {100 * low:.1f} to "
             f"{100 * high:.1f} | {rate.n} | {_asked(rate)} | {_verdict(rate)} |"
         )
+    lines += ["", "| | median | largest | n | asked for | |", "|---|---:|---:|---:|---|---|"]
+    for median in medians(records):
+        lines.append(
+            f"| {median.what} | {_number(median.value, median)} | "
+            f"{_number(max(median.values), median)} | {len(median.values)} | {_at_most(median)} | "
+            f"{_median_verdict(median)} |"
+        )
     return lines
+
+
+def _number(value: float, median: Median) -> str:
+    return f"{value:.3g} {median.unit}".strip()
+
+
+def _at_most(median: Median) -> str:
+    return f"<= {_number(median.most, median)}" if np.isfinite(median.most) else "-"
+
+
+def _median_verdict(median: Median) -> str:
+    if not np.isfinite(median.most):
+        return ""
+    return "met" if median.is_met else "missed"
 
 
 def _asked(rate: Rate) -> str:
@@ -85,22 +113,8 @@ def _taken_for(record: Record) -> str:
 
 
 def remarks(records: Sequence[Record], blind: Sequence[Pair]) -> Iterator[str]:
-    """Yield medians, costs, and pairs that nothing was asked of."""
+    """Yield what could not be tried, and pairs that nothing was asked of."""
     said = [r for r in records if "verdict" in r]
-    cpu = [r["cpu"] for r in said]
-    if cpu:
-        yield f"one diagnosis: median {np.median(cpu):.2f} s, largest {max(cpu):.2f} s of CPU"
-    sets = [set_size(r) for r in said if r["line"] == "close"]
-    if sets:
-        yield f"sets of close effects: median {np.median(sets):g}, largest {max(sets)}"
-    for line, what in (("five_kg", "with currents"), ("five_kg_no_currents", "without")):
-        errors = [e for r in said if r["line"] == line for e in _payload_errors(r)]
-        if errors:
-            mass, place = np.median(np.array(errors), axis=0)
-            yield f"5 kg {what}: median error {mass:.2f} kg, {1e3 * place:.0f} mm, n {len(errors)}"
-    again = [r["again"] for r in said if r.get("again") is not None]
-    if again:
-        yield f"run again in the engine: median {np.median(again):.2f} of noise and healthy spread"
     refused = sum("refused" in r for r in records)
     if refused:
         yield f"robots that could not be recorded: {refused}"
@@ -111,17 +125,6 @@ def remarks(records: Sequence[Record], blind: Sequence[Pair]) -> Iterator[str]:
         yield f"diagnoses that failed: {len(crashed)}, the first with {crashed[0]}"
     shown = ", ".join("@".join(pair) for pair in blind)
     yield f"blind, below s = 15 at the size of a fault ({len(blind)}): {shown}"
-
-
-def _payload_errors(record: Record) -> list[tuple[float, float]]:
-    found = list[tuple[float, float]]()
-    for cause in record["named"]:
-        values = {key: (true, value) for key, true, value, _, _ in cause["values"]}
-        if "mass" in values and "com_x" in values:
-            off = {key: value - true for key, (true, value) in values.items()}
-            place = np.linalg.norm([off[key] for key in ("com_x", "com_y", "com_z")])
-            found.append((abs(off["mass"]), float(place)))
-    return found
 
 
 def failures(records: Sequence[Record]) -> Iterator[str]:

@@ -18,6 +18,9 @@ from comcal.robot.changes import Change
 
 SETTLED = 4
 """Rounds in which spring and torque find one another; each is some ten times nearer."""
+FLOATING = 1e-3
+"""Torque over the robot's weight, below which sensors do not tell its sign [m]: offsets of a foot's
+moments, and CoMs, are off by as much."""
 CLOSE = 1e-4
 """Share of its way by which a spring may still move when it is taken as settled."""
 
@@ -44,9 +47,13 @@ def _way(bent: PoseTable, table: PoseTable) -> float:
 
 
 def _backlash(assumed: Assumed, table: PoseTable, change: Change) -> State:
-    width = change.number("half_width") * joints_of(assumed.robot, change)
-    side = -np.sign(np.nan_to_num(held_torques(assumed, table)))
-    return assumed, with_angles(table, side * width)
+    """A pose says nothing where the torque is too small to tell on which side the joint lies."""
+    about = joints_of(assumed.robot, change)
+    torque = np.nan_to_num(held_torques(assumed, table))
+    least = FLOATING * assumed.robot.tree.total_mass * assumed.robot.gravity
+    side = np.where((np.abs(torque) < least) & (torque != 0.0), np.nan, -np.sign(torque))
+    width = change.number("half_width") * about
+    return assumed, with_angles(table, np.where(about > 0.0, side, 0.0) * width)
 
 
 def _hysteresis(assumed: Assumed, table: PoseTable, change: Change) -> State:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,11 +16,15 @@ from comcal.measure.columns import wrench_names
 from comcal.measure.table import PoseTable
 from comcal.robot.changes import ALL, Change, spec_of
 from comcal.robot.changes_kinds import TargetKind
+from comcal.robot.kinematics import place_links
 from comcal.robot.model import Robot
-from comcal.robot.tree import Array
+from comcal.robot.tree import Array, JointType
 
 NO_MASS = 1e-9
 """Carries a first moment where there is no mass [kg]."""
+TURNING = (JointType.REVOLUTE, JointType.CONTINUOUS)
+SAME_POINT = 1e-9
+"""Distance of origins that are one [m]."""
 STEP = 1e-4
 """Step of the derivatives, as a share of a fault."""
 
@@ -97,7 +101,10 @@ def _targets(effect: Effect, robot: Robot, table: PoseTable) -> Iterator[str]:
         known = robot.sensors if effect.name == "sole_mass" else wrench_names(robot)
         yield from (name for name in known if name in table.wrench)
     if TargetKind.LINK in spec.targets:
-        yield from (robot.tree.links[k].name for k in _heaviest_of_each_body(robot))
+        links = _heaviest_of_each_body(robot)
+        if effect.at_origin:
+            links = _heaviest_at_each_point(robot, links)
+        yield from (robot.tree.links[k].name for k in links)
     if TargetKind.JOINT in spec.targets:
         yield from robot.tree.joint_names
     if TargetKind.FOOT in spec.targets:
@@ -113,6 +120,29 @@ def _heaviest_of_each_body(robot: Robot) -> list[int]:
         mass = robot.tree.links[k].mass
         if mass > 0.0 and (body not in best or mass > robot.tree.links[best[body]].mass):
             best[body] = k
+    return sorted(best.values())
+
+
+def _heaviest_at_each_point(robot: Robot, links: Sequence[int]) -> list[int]:
+    """Return one of all links that turn about the same point: a force there is one on any of them.
+
+    It has no moment about the axes between them.
+    """
+    tree, body = robot.tree, rigid_parts(robot)
+    at = place_links(tree, np.zeros((1, len(tree.joint_names)))).p[0]
+    of_body = {int(body[k]): k for k in links}
+    group = {k: k for k in links}
+    for child, joint in enumerate(tree.joints, start=1):
+        a, b = (of_body.get(int(body[k])) for k in (int(tree.parents[child]), child))
+        if a is None or b is None or joint.kind not in TURNING:
+            continue
+        if max(np.abs(at[a] - at[child]).max(), np.abs(at[b] - at[child]).max()) < SAME_POINT:
+            group[b] = group[a]
+    best: dict[int, int] = {}
+    for k in links:
+        first = group[k]
+        if first not in best or tree.links[k].mass > tree.links[best[first]].mass:
+            best[first] = k
     return sorted(best.values())
 
 

@@ -38,6 +38,9 @@ class Effect:
     moments : tuple of str
         Keys that are places of the key ``mass``, searched for as first moments, mass times place:
         the residuals are linear in those.
+    at_origin : bool
+        Whether it is a force at the origin of its link, and nothing else of that link: links that
+        share their origin in every posture are then one target.
     signature : str
         What moves with what.
     separated_by : str
@@ -55,3 +58,4 @@ class Effect:
     family: Mapping[str, str] = field(default_factory=dict[str, str])
     inverse: str = ""
     moments: tuple[str, ...] = ()
+    at_origin: bool = False

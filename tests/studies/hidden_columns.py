@@ -203,6 +203,8 @@ def _held(stage: Stage, d: _Differences, found: Columns) -> Iterator[tuple[Pair,
     hanging = Stage(stage.robot, tuple(held), stage.options)
     contact = _Differences(hanging) if held else None
     for k, link in enumerate(stage.robot.tree.links):
+        if ("cable_pull", link.name) not in found:  # its origin is that of another link
+            continue
         cable = found["cable_pull", link.name]
         way = _ways(stage, k)[d.rows.pose]
         first, second = np.array([["xyz".index(c) for c in key[2:]] for key in STIFFNESS]).T

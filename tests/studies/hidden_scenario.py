@@ -20,10 +20,13 @@ from comcal.robot.changes import ALL, names_of
 from comcal.robot.changes_kinds import TargetKind
 from comcal.robot.changes_table import EFFECTS
 from comcal.robot.description import load_robot
+from comcal.robot.kinematics import place_links
 from comcal.robot.model import Robot, Tolerances
 from comcal_sims.robots.biped14 import Biped14Parameters, UpperBody, double_pose, generate
 
 FILE = Path(__file__).resolve().parents[1] / "hidden" / "scenario.yaml"
+FORCES = ("cable_pull", "tether", "external_contact")
+"""Effects that act at the origin of a link."""
 SINGLE, CONTACT, PUBLISHED = "single", "contact", "published"
 
 Pair = tuple[str, str]
@@ -132,7 +135,26 @@ def targets(robot: Robot, effect: str) -> tuple[str, ...]:
         if kind in spec.targets
         for name in (robot.tree.joint_names if kind is TargetKind.JOINT else names_of(robot, kind))
     ]
+    if effect in FORCES:
+        found = [name for name in found if name in _points(robot)]
     return tuple([*found, ALL] if spec.has_all else found)
+
+
+def _points(robot: Robot) -> frozenset[str]:
+    """Return the heaviest of all links that share their origin in any posture.
+
+    A force at that point is a force on any of them, unless a sensor lies between.
+    """
+    tree, rng = robot.tree, np.random.default_rng(0)
+    at = place_links(tree, rng.uniform(-1.0, 1.0, (3, len(tree.joint_names)))).p
+    cuts = [tree.subtree(sensor.joint) for sensor in robot.sensors.values()]
+    best: dict[tuple[object, ...], int] = {}
+    for k, link in enumerate(tree.links):
+        beyond = tuple(k in np.arange(len(tree.links))[cut] for cut in cuts)
+        key = (*np.round(at[:, k].ravel(), 9).tolist(), *beyond)
+        if key not in best or link.mass > tree.links[best[key]].mass:
+            best[key] = k
+    return frozenset(tree.links[k].name for k in best.values())
 
 
 def _upright(robot: Robot, row: list[float]) -> PlannedPose:

@@ -11,6 +11,7 @@ import pytest
 from comcal.diagnose.candidates import candidates
 from comcal.diagnose.catalogue import catalogue
 from comcal.diagnose.contacts import contacts, with_contact
+from comcal.diagnose.evidence import explain
 from comcal.diagnose.naming import Named, name_causes
 from comcal.diagnose.scene import Scene, scene
 from comcal.measure.table import PoseTable
@@ -68,3 +69,19 @@ def test_a_force_is_what_it_is_at_any_point_of_its_line(biped14, table: PoseTabl
     p = np.array([change.number(f"point_{axis}") for axis in "xyz"])
     np.testing.assert_allclose(f, force, atol=1e-12)
     np.testing.assert_allclose(np.cross(R_link_P.T @ (HAND - p), f), 0.0, atol=1e-9)
+
+
+def test_a_touch_is_as_likely_written_out_as_among_all_others(biped14, table: PoseTable) -> None:
+    """That it was in this pose is one of as many possibilities as there are poses."""
+    w = {sensor: wrench.copy() for sensor, wrench in table.wrench.items()}
+    pose = table.support.index("double")
+    for sensor in w:
+        w[sensor][pose, 2] -= 4.0
+    about = looked_at(biped14.robot, replace(table, wrench=w))
+    best = contacts(about, ())[0]
+    there = with_contact(about, best)
+    last = len(there.of.candidates) - 1
+    alone = explain(there.of, last, there.against())
+    assert alone.log_odds == pytest.approx(best.log_odds, rel=1e-6)
+    assert there.of.log_prior[last] == pytest.approx(-np.log(len(table)))
+    assert not there.of.log_prior[:last].any()

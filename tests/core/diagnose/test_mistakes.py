@@ -112,12 +112,17 @@ def test_nothing_is_claimed_of_a_healthy_robot(
         "ft_gain@l_foot:gain_fz=0.1,gain_tx=-0.1",
         "joint_offset@l_knee:offset=0.035",
         "ft_mounting@r_foot:rx=0.05",
+        "external_contact@r_arm:force_x=-0.4,force_y=23.4,force_z=4.9,point_z=-0.6,poses={double}",
+        "external_contact@l_arm:force_x=-8,force_y=10,force_z=-1.3,point_z=-0.6,poses={left}",
+        "external_contact@l_arm:force_x=27,force_z=-7.4,point_z=-0.6,poses={double}",
     ],
 )
 def test_an_ordinary_fault_is_not_taken_for_a_mistake(
     robot: Robot, plan: tuple[PlannedPose, ...], fault: str
 ) -> None:
-    assert screen_mistakes(Assumed(robot), measured(robot, plan, 5, [fault])) == ()
+    poses = {pose.support: pose.pose for pose in reversed(plan)}
+    table = measured(robot, plan, 5, [fault.format(**poses)])
+    assert screen_mistakes(Assumed(robot), table) == ()
 
 
 @pytest.mark.parametrize(

@@ -126,23 +126,25 @@ def _heaviest_of_each_body(robot: Robot) -> list[int]:
 def _heaviest_at_each_point(robot: Robot, links: Sequence[int]) -> list[int]:
     """Return one of all links that turn about the same point: a force there is one on any of them.
 
-    It has no moment about the axes between them.
+    It has no moment about the axes between them. A sensor between them would feel it or not.
     """
-    tree, body = robot.tree, rigid_parts(robot)
+    tree, body = robot.tree, rigid_parts(robot).tolist()
+    cuts = {sensor.joint for sensor in robot.sensors.values()}
     at = place_links(tree, np.zeros((1, len(tree.joint_names)))).p[0]
-    of_body = {int(body[k]): k for k in links}
-    group = {k: k for k in links}
+    of_body = {part: part for part in body} | {body[k]: k for k in links}
+    group = {part: part for part in body}
     for child, joint in enumerate(tree.joints, start=1):
-        a, b = (of_body.get(int(body[k])) for k in (int(tree.parents[child]), child))
-        if a is None or b is None or joint.kind not in TURNING:
+        a, b = body[int(tree.parents[child])], body[child]
+        if joint.kind not in TURNING or joint.name in cuts:
             continue
-        if max(np.abs(at[a] - at[child]).max(), np.abs(at[b] - at[child]).max()) < SAME_POINT:
+        away = at[[of_body[a], of_body[b]]] - at[child]
+        if np.abs(away).max() < SAME_POINT:
             group[b] = group[a]
     best: dict[int, int] = {}
     for k in links:
-        first = group[k]
-        if first not in best or tree.links[k].mass > tree.links[best[first]].mass:
-            best[first] = k
+        point = group[body[k]]
+        if point not in best or tree.links[k].mass > tree.links[best[point]].mass:
+            best[point] = k
     return sorted(best.values())
 
 

@@ -15,12 +15,18 @@ from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
 from comcal.predict.torques import held_torques
 from comcal.robot.changes import Change
+from comcal.robot.model import Robot
+from comcal.robot.tree import Array
 
 SETTLED = 4
 """Rounds in which spring and torque find one another; each is some ten times nearer."""
 FLOATING = 1e-3
-"""Torque over the robot's weight, below which sensors do not tell its sign [m]: offsets of a foot's
-moments, and CoMs, are off by as much."""
+"""Torque over the weight carried, below which nobody knows its sign [m]: CoMs, and the offsets of a
+foot's moments, are off by as much."""
+NOTHING = 1e-9
+"""The same of a joint that carries nothing but rounding errors [m]."""
+LEAST_MASS = 1e-6
+"""Of what is beyond a joint [kg]."""
 CLOSE = 1e-4
 """Share of its way by which a spring may still move when it is taken as settled."""
 
@@ -47,13 +53,32 @@ def _way(bent: PoseTable, table: PoseTable) -> float:
 
 
 def _backlash(assumed: Assumed, table: PoseTable, change: Change) -> State:
-    """A pose says nothing where the torque is too small to tell on which side the joint lies."""
+    """A pose says nothing where the torque is too small to tell on which side the joint lies.
+
+    A joint that carries nothing, or nobody knows what, is in the middle of its play.
+    """
     about = joints_of(assumed.robot, change)
     torque = np.nan_to_num(held_torques(assumed, table))
-    least = FLOATING * assumed.robot.tree.total_mass * assumed.robot.gravity
-    side = np.where((np.abs(torque) < least) & (torque != 0.0), np.nan, -np.sign(torque))
+    size = np.abs(torque) / _carried(assumed.robot)
+    side = np.where(size < FLOATING, np.nan, -np.sign(torque))
+    side = np.where(size < NOTHING, 0.0, side)
     width = change.number("half_width") * about
     return assumed, with_angles(table, np.where(about > 0.0, side, 0.0) * width)
+
+
+def _carried(robot: Robot) -> Array:
+    """Return the weight that a joint has to do with, shape (n_joints,) [N].
+
+    Of a leg that of the robot, else that of all beyond the joint.
+    """
+    tree, g = robot.tree, robot.gravity
+    feet = [tree.link_index[foot.link] for foot in robot.feet.values()]
+    found = list[float]()
+    for name in tree.joint_names:
+        beyond = tree.subtree(name)
+        mass = tree.total_mass if beyond[feet].any() else float(tree.masses[beyond].sum())
+        found.append(g * max(mass, LEAST_MASS))
+    return np.array(found)
 
 
 def _hysteresis(assumed: Assumed, table: PoseTable, change: Change) -> State:

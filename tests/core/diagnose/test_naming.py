@@ -149,3 +149,21 @@ def test_a_hand_on_a_rail_is_found_in_its_pose(biped14, healthy):
     named = name_causes(looked_at(biped14.robot, replace(table, wrench=w)))
     assert len(named.causes) == 1
     assert f"in pose {table.pose[pose]}" in names(named)[0]
+
+
+def test_links_that_turn_about_one_point_are_one_target_of_a_force(biped14, healthy):
+    robot = biped14.robot
+    pulled = {c.target for c in candidates(robot, healthy) if c.effect.name == "cable_pull"}
+    assert pulled == {"pelvis", "torso", "l_arm", "r_arm"} | {
+        f"{side}_{part}" for side in "lr" for part in ("thigh", "shin", "foot", "sole")
+    }
+    assert "l_hip_yoke" in {c.target for c in candidates(robot, healthy) if c.effect.moments}
+
+
+def test_a_sensor_between_them_tells_on_which_link_a_force_acts(biped14, healthy):
+    robot = biped14.robot
+    cut = replace(robot.sensors["l_foot"], joint="l_ankle_roll")
+    turned = replace(robot, sensors={**robot.sensors, "l_foot": cut})
+    pulled = {c.target for c in candidates(turned, healthy) if c.effect.name == "cable_pull"}
+    assert {"l_ankle_yoke", "l_foot", "r_foot"} <= pulled
+    assert "r_ankle_yoke" not in pulled

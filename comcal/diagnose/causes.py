@@ -102,7 +102,8 @@ def groups_of(causes: Sequence[Cause]) -> tuple[tuple[Rival, ...], ...]:
     for cause in causes:
         rivals = undecided(cause.change.effect, cause.rivals)
         if rivals:
-            own = Rival(cause.change.effect, cause.change.target, 0.0, 0.0)
+            change = cause.change
+            own = Rival(change.effect, change.target, 0.0, 0.0, poses=change.poses() or ())
             found.append((own, *rivals[: LARGEST_GROUP - 1]))
     return tuple(found)
 

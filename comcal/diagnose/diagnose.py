@@ -160,6 +160,8 @@ def _named(about: Scene, learn: bool) -> Named:
     if not learnt.causes and not stated.causes:
         # Nothing is wrong either way: then what was stated is not doubted without need.
         return stated if _fits(stated) else learnt
+    if len(learnt.scene.r) != len(stated.scene.r):  # evidences of other readings do not compare
+        return stated
     better = _log_evidence(learnt) + penalty(scales) > _log_evidence(stated)
     return learnt if better else stated
 
@@ -170,11 +172,10 @@ def _fits(named: Named) -> bool:
 
 
 def _log_evidence(named: Named) -> float:
-    """Return ln p(residuals) with the causes as large as faults, each one out of N."""
+    """Return ln p(residuals, causes) with the causes as large as faults, each one out of N."""
     scene = named.scene
-    against = scene.against(named.causes)
     price = len(named.causes) * float(np.log(max(len(scene.of.candidates), 1)))
-    return against.log_likelihood - price
+    return scene.log_evidence(named.causes) - price
 
 
 def _misfit(about: Scene, named: Named, fits: tuple[RowFit, ...]) -> Misfit:

@@ -52,11 +52,12 @@ class Rival:
         Norm of what this one leaves of the cause named, as a share of that cause's own norm: 0
         means that no reading tells them apart, 1 that they have nothing in common.
     left_sigmas : float
-        The same in sigmas: below 3 it is the simpler cause that is preferred, not the likelier.
+        The same in sigmas, as rare as that norm would be if it were noise in all parameters of the
+        cause: below 3 it is the simpler cause that is preferred, not the likelier.
     fits_better : bool
         Whether it holds the cause named as a special case and fits better than chance would let it.
     poses : tuple of int
-        Ids of the only poses in which it would act; empty: those of the cause named.
+        Ids of the only poses in which it would act; empty: all.
     """
 
     effect: str

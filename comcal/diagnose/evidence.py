@@ -31,7 +31,7 @@ class Explanation:
     Parameters
     ----------
     log_odds : float
-        ln evidence with it - ln evidence without it.
+        ln evidence with it - ln evidence without it; of a candidate, with its prior.
     coordinates : array, shape (k,)
     cov : array, shape (k, k)
     """

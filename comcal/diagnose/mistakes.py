@@ -169,7 +169,8 @@ def _best(
     left = float(excess[best] / excess[0]) if excess[0] > 0.0 else 0.0
     if best == 0 or odds < ENOUGH or left > HALF:
         return None
-    # What is only told by a few poses happened there: a mistake of wiring is in all of them.
+    # A few poses that even the mistake does not explain, such as those in which a hand touched the
+    # robot, say nothing for it: they are set apart from both.
     apart = each.score_apart(best, about.ordinary) - each.score_apart(0, about.ordinary)
     if apart - float(np.log(len(tried))) < ENOUGH:
         return None

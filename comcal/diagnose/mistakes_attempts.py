@@ -102,8 +102,9 @@ class Attempts:
     def score_apart(self, k: int, at: Ordinary) -> float:
         """Return the log likelihood of one attempt if something else happened in a few poses."""
         poses = len(self.tables[k])
-        price = float(len(self.residuals)) / poses + 2.0 * ELSEWHERE
-        chi2, apart = at.apart(self.residuals[:, k], min(MOST_APART, poses // 4), price)
+        price = float(np.isfinite(self.residuals[:, 0]).sum()) / poses + 2.0 * ELSEWHERE
+        residuals = np.where(np.isfinite(self.residuals[:, 0]), self.residuals[:, k], np.nan)
+        chi2, apart = at.apart(residuals, min(MOST_APART, poses // 4), price)
         chi2 += float(self.lengths[k] ** 2) + price * apart
         return -0.5 * chi2 + float(self.prior[k])
 

@@ -57,7 +57,11 @@ class Named:
 
 
 def threshold_of(n: int) -> float:
-    """Return the log odds that the best of *n* causes must reach."""
+    """Return the log odds that the best of *n* causes must reach.
+
+    Every touch of a link in a pose counts as one, though their prior is less: a healthy robot is
+    the rule, and what is said of it by mistake costs more than a cause that is too small to name.
+    """
     return MARGIN + float(np.log(max(n, 1)))
 
 
@@ -80,6 +84,8 @@ def name_causes(about: Scene, most: int = MOST_CAUSES) -> Named:
     if not touches_count(about) or not _hopeless(found.scene, found.causes):
         return found
     other = _searched(about, most, touches_first=True)
+    if len(other.scene.r) != len(found.scene.r):  # evidences of other readings do not compare
+        return found
     return max((found, other), key=_worth)
 
 

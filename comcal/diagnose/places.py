@@ -3,11 +3,11 @@ r"""Where something acts that the catalogue has no name for.
 
 A place (an encoder, a current, a sensor, a link's first moment, the floor) is given a free value in
 every pose, normal with some standard deviation F: whatever function it is of, it can only show in
-the rows that follow that place. With columns A of these values, one block per pose, and the
-covariance C of noise, healthy spread and causes, the log odds are
+the rows that follow that place. With A_p the whitened columns of the place in pose p, and T those of
+healthy spread and causes, the covariance is block diagonal but for T; its inverse and determinant
+need, per pose,
 
-.. math:: \tfrac12 F^2 b^T M^{-1} b - \tfrac12 \ln\det M, \qquad
-    M = 1 + F^2 A^T C^{-1} A, \quad b = A^T C^{-1} r .
+.. math:: M_p = 1 + F^2 A_p^T A_p, \qquad Z_p = F M_p^{-1/2} A_p^T [T, r] .
 
 The price of a free value in every pose is high, so a place is found only where no function with a
 few numbers does as well.
@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import solve_triangular
 
 from comcal.diagnose.diagnosis import Place
 from comcal.diagnose.follows import ENOUGH, companion
@@ -63,9 +63,11 @@ def place_of(named: Named) -> Place | None:
     """
     scene = named.scene
     best: Place | None = None
-    healthy = _Healthy.of(scene, scene.of.spread(scene.scales, named.causes))
+    known = _Known.of(scene, scene.of.spread(scene.scales, named.causes))
+    base = known.log_likelihood(np.zeros((len(scene.r), 1)))
     for spot in _spots(scene):
-        odds = healthy.log_odds(scene.by.turned(spot.columns))
+        A = scene.by.turned(spot.columns)
+        odds = max(known.log_likelihood(size * A) for size in SIZES) - base
         if odds > 0.0 and (best is None or odds > best.log_odds):
             best = Place(spot.place, spot.target, _followed(scene, spot), odds)
     return best
@@ -104,55 +106,58 @@ def _spots(scene: Scene) -> Iterator[_Spot]:
 
 
 @dataclass(frozen=True)
-class _Healthy:
-    """Whitened residuals against noise and the spread of everything known.
+class _Known:
+    """What noise, healthy spread and causes say of the whitened residuals.
 
     Parameters
     ----------
     slices : tuple of slice
         Rows of each pose.
+    T : array, shape (m, q)
+        Columns of all that may be there, times its spread, whitened by noise.
     r : array, shape (m,)
-        Whitened by noise.
-    H : array, shape (q, m)
-        With which C^-1 = 1 - H^T H after whitening by noise.
+    K : array, shape (q, q)
+        1 + T^T T.
+    b : array, shape (q,)
+        T^T r.
     """
 
     slices: tuple[slice, ...]
+    T: Array
     r: Array
-    H: Array
+    K: Array
+    b: Array
 
     @classmethod
-    def of(cls, scene: Scene, spread: Array) -> _Healthy:
+    def of(cls, scene: Scene, spread: Array) -> _Known:
         at = np.flatnonzero(spread)
         T = scene.X[:, at] * spread[at]
-        L = cholesky(np.eye(at.size) + T.T @ T, lower=True, check_finite=False)
-        H = solve_triangular(L, T.T, lower=True, check_finite=False)
-        return cls(scene.by.slices, scene.r, H)
+        return cls(scene.by.slices, T, scene.r, np.eye(at.size) + T.T @ T, T.T @ scene.r)
 
-    def log_odds(self, A: Array) -> float:
-        """Return the log odds of values that are free in every pose, of the likeliest size.
+    def log_likelihood(self, A: Array) -> float:
+        """Return ln p(residuals) with values that are normal and free in every pose.
 
         Parameters
         ----------
         A : array, shape (m, k)
-            What values of a fault's size do in their own pose, whitened by noise.
+            What one standard deviation of the values does in their own pose, whitened by noise.
         """
-        parts = [part for part in self.slices if A[part].any()]
-        if not parts:
-            return -np.inf
-        k = A.shape[1]
-        free = np.zeros((len(A), k * len(parts)))
-        for n, part in enumerate(parts):
-            free[part, n * k : (n + 1) * k] = A[part]
-        across = self.H @ free
-        K = free.T @ free - across.T @ across
-        b = free.T @ self.r - across.T @ (self.H @ self.r)
-        found = list[float]()
-        for F in SIZES:
-            M = np.eye(len(b)) + F**2 * K
-            taken = F**2 * float(b @ np.linalg.solve(M, b))
-            found.append(0.5 * (taken - float(np.linalg.slogdet(M)[1])))
-        return max(found)
+        determinant = 0.0
+        parts, right = [self.T[:0]], [self.r[:0]]
+        for mine in self.slices:
+            a = A[mine]
+            if a.any():
+                L = np.linalg.cholesky(np.eye(a.shape[1]) + a.T @ a)
+                determinant += 2.0 * float(np.log(np.diag(L)).sum())
+                both = np.linalg.solve(L, a.T @ np.column_stack([self.T[mine], self.r[mine]]))
+                parts.append(both[:, :-1])
+                right.append(both[:, -1])
+        Z, z = np.concatenate(parts), np.concatenate(right)
+        L = np.linalg.cholesky(self.K - Z.T @ Z)
+        determinant += 2.0 * float(np.log(np.diag(L)).sum())
+        half = solve_triangular(L, self.b - Z.T @ z, lower=True, check_finite=False)
+        chi2 = float(self.r @ self.r - z @ z - half @ half)
+        return -0.5 * (chi2 + determinant)
 
 
 def _followed(scene: Scene, spot: _Spot) -> str:

@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import chdtrc, ndtri
 
-from comcal.diagnose.contacts import EFFECT, contacts, touches_count
+from comcal.diagnose.contacts import EFFECT, Contact, contacts, touches_count, with_contact
 from comcal.diagnose.diagnosis import Rival
 from comcal.diagnose.evidence import all_log_odds, explain
 from comcal.diagnose.metric import Metric
@@ -19,7 +19,8 @@ from comcal.robot.tree import Array
 UNDECIDED = 3.0
 """Log odds below which a rival cannot be excluded: 20 to 1."""
 UNSEEN = 3.0
-"""What a rival leaves, in sigmas, that noise may hide: then only simplicity speaks against it."""
+"""What a rival leaves, in sigmas, that noise may hide: then only simplicity speaks against it. Of
+a cause with several parameters noise hides more, for it has a part in each of them."""
 WIDE = 3.0
 """Faults up to which the parameters of a rival may go."""
 BY_CHANCE = 0.05
@@ -65,16 +66,16 @@ def rivals_of(named: Named, i: int) -> tuple[tuple[Rival, ...], float]:
     x = own_coordinates(named, i)
     size = size_of(named, i)
     mine = scene.of.candidates[i]
-    # A contact that was found once more is another candidate of the same name.
-    taken = {scene.of.candidates[c].name for c in named.causes}
     found: list[Rival] = []
     for c in np.argsort(-odds).tolist():
-        if scene.of.candidates[c].name in taken or not np.isfinite(odds[c]):
-            continue
         candidate = scene.of.candidates[c]
+        # Contacts in single poses that were tried on the way are weighed with all others below.
+        if c in named.causes or candidate.poses is not None or not np.isfinite(odds[c]):
+            continue
         left = left_by(scene, against, x, i, c)
+        sigmas = in_sigmas(left * size, len(x))
         better = candidate.target == mine.target and _fits_better(scene, against, i, c)
-        close = own - odds[c] < UNDECIDED or left * size < UNSEEN or better
+        close = own - odds[c] < UNDECIDED or sigmas < UNSEEN or better
         if len(found) >= SHOWN and not close:
             continue
         rival = Rival(
@@ -82,7 +83,7 @@ def rivals_of(named: Named, i: int) -> tuple[tuple[Rival, ...], float]:
             candidate.target,
             own - float(odds[c]),
             left,
-            left * size,
+            sigmas,
             better,
         )
         found.append(rival)
@@ -90,7 +91,7 @@ def rivals_of(named: Named, i: int) -> tuple[tuple[Rival, ...], float]:
     if poses is not None:
         found += _elsewhere(named, i, others, own, poses)
     else:
-        found += _in_one_pose(scene, others, own)
+        found += _in_one_pose(named, i, others, own)
     return tuple(sorted(found, key=lambda rival: rival.log_odds)), own
 
 
@@ -107,25 +108,33 @@ def _elsewhere(
         if scene.at.table.pose[contact.pose] in poses
         and tree.links[contact.link].name != mine.target
     ]
-    return [
-        Rival(mine.effect.name, tree.links[c.link].name, own - c.log_odds, 1.0)
-        for c in same[:SHOWN]
-    ]
+    return [_touch(named, i, others, own, contact) for contact in same[:SHOWN]]
 
 
-def _in_one_pose(scene: Scene, others: tuple[int, ...], own: float) -> list[Rival]:
+def _in_one_pose(named: Named, i: int, others: tuple[int, ...], own: float) -> list[Rival]:
     """Return the contact in one pose that could be all there is, if it cannot be excluded.
 
     Such as where only one pose stretches a spring.
     """
-    if not touches_count(scene):
+    if not touches_count(named.scene):
         return []
-    table, links = scene.at.table, scene.at.assumed.robot.tree.links
-    free = [c for c in contacts(scene, others) if own - c.log_odds < UNDECIDED]
-    return [
-        Rival(EFFECT, links[c.link].name, own - c.log_odds, 1.0, poses=(table.pose[c.pose],))
-        for c in free[:1]
-    ]
+    free = [c for c in contacts(named.scene, others) if own - c.log_odds < UNDECIDED]
+    return [_touch(named, i, others, own, contact) for contact in free[:1]]
+
+
+def _touch(named: Named, i: int, others: tuple[int, ...], own: float, contact: Contact) -> Rival:
+    """Return a contact in one pose as a rival of cause *i*."""
+    there = with_contact(named.scene, contact)
+    x = own_coordinates(named, i)
+    left = left_by(there, there.against(others), x, i, len(there.of.candidates) - 1)
+    return Rival(
+        EFFECT,
+        there.at.assumed.robot.tree.links[contact.link].name,
+        own - contact.log_odds,
+        left,
+        in_sigmas(left * size_of(named, i), len(x)),
+        poses=(there.at.table.pose[contact.pose],),
+    )
 
 
 def left_by(scene: Scene, against: Metric, x: Array, i: int, rival: int) -> float:
@@ -140,6 +149,11 @@ def left_by(scene: Scene, against: Metric, x: Array, i: int, rival: int) -> floa
     M[np.diag_indices_from(M)] += WIDE**-2
     taken = float((F * v[b]) @ np.linalg.solve(M, F * v[b]))
     return float(np.sqrt(max(total - taken, 0.0) / total))
+
+
+def in_sigmas(norm: float, k: int) -> float:
+    """Return the deviation of one normal number that is as rare as this norm of *k* of them."""
+    return float(-ndtri(0.5 * chdtrc(k, norm**2)))
 
 
 def _fits_better(scene: Scene, against: Metric, i: int, rival: int) -> bool:

@@ -50,7 +50,7 @@ def learnt_scales(about: Scene, causes: Sequence[int] = ()) -> Mapping[str, floa
         family for family, sd in zip(about.of.family, about.of.healthy, strict=True) if sd > 0.0
     )
     scales: dict[str, float] = {}
-    here = about.against(causes)
+    here = metric(about.products, about.of.spread(scales, causes))
     best = _score(about, here, scales, causes)
     for factor in GRID:
         if factor != 1.0:

@@ -71,8 +71,12 @@ class Scene:
         return respread(self.healthy, of.spread(self.scales), of.spread(self.scales, causes))
 
     def log_evidence(self, causes: Sequence[int] = ()) -> float:
-        """Return ln p(residuals) with *causes* as large as faults, up to a constant per row."""
-        return self.against(causes).log_likelihood - self.by.log_det
+        """Return ln p(residuals, causes) with *causes* as large as faults.
+
+        Up to a constant per row: only evidences of the same rows compare.
+        """
+        prior = float(self.of.log_prior[list(causes)].sum())
+        return self.against(causes).log_likelihood + prior - self.by.log_det
 
 
 def scene(of: Catalogue, state: State, noise: float = 1.0) -> Scene:

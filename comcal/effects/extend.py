@@ -94,12 +94,12 @@ def extend(robot: Robot, table: PoseTable, known: Sequence[KnownChange]) -> Exte
 
 
 def _known(plain: PoseTable, raw: PoseTable) -> PoseTable:
-    """Leave out poses whose angles nobody knows any more: lag, and no side of arrival."""
+    """Leave out poses whose angles nobody knows any more: lag or play, and on no known side."""
     lost = np.isnan(plain.q).any(axis=1) & ~np.isnan(raw.q).any(axis=1)
     if not lost.any():
         return plain
     poses = ", ".join(str(raw.pose[i]) for i in np.flatnonzero(lost))
-    note = f"left out pose {poses}: the model has lag, and the side of arrival was not recorded"
+    note = f"left out pose {poses}: the model has lag or play, and on which side is not known"
     return replace(plain.select(~lost), notes=(*plain.notes, note))
 
 

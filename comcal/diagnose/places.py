@@ -3,8 +3,8 @@ r"""Where something acts that the catalogue has no name for.
 
 A place (an encoder, a current, a sensor, a link's first moment, the floor) is given a free value in
 every pose, normal with some standard deviation F: whatever function it is of, it can only show in
-the rows that follow that place. With A_p the whitened columns of the place in pose p, and T those of
-healthy spread and causes, the covariance is block diagonal but for T; its inverse and determinant
+the rows that follow that place. With A_p the whitened columns of the place in pose p, and T those
+of healthy spread and causes, the covariance is block diagonal but for T; inverse and determinant
 need, per pose,
 
 .. math:: M_p = 1 + F^2 A_p^T A_p, \qquad Z_p = F M_p^{-1/2} A_p^T [T, r] .

@@ -22,6 +22,7 @@ PARTS = (
     "judge",
     "trial",
     "rates",
+    "medians",
     "table",
     "store",
 )

@@ -123,9 +123,9 @@ def single(
 def _sized(
     pair: Pair, change: Change, wanted: float, poses: str, engine: str
 ) -> tuple[Change, Size]:
-    """Return a change of a size that is the wanted one in the engine as well.
+    """Return a change of a size that is the wanted one where it is measured.
 
-    How two feet share the load is another matter in every engine, and with it what depends on it.
+    How two feet share the load is another matter in MuJoCo, and with it what depends on it.
     """
     engine = _ruled_in(engine, pair)
     found = ruler(poses, engine).size(pair, (change,), engine)

@@ -144,7 +144,7 @@ def _sized(low: float, high: float, least_d: float, most_d: float = np.inf) -> C
     return is_in
 
 
-_clear, _close = _sized(LARGE[0], np.inf, CLEAR), _sized(LARGE[0], np.inf, 0.0, CLEAR)
+_clear, is_close = _sized(LARGE[0], np.inf, CLEAR), _sized(LARGE[0], np.inf, 0.0, CLEAR)
 _small = _sized(0.9 * SMALL[0], 1.1 * SMALL[1], CLEAR)
 
 
@@ -233,8 +233,8 @@ def _again(record: Record) -> Sequence[bool]:
 CRITERIA: tuple[Criterion, ...] = (
     Criterion("s >= 15, d >= 8: named", ("single",), _if(_clear, right), 0.97),
     Criterion("s >= 15, d >= 8: alone and explained", ("single",), _if(_clear, _alone), 0.93),
-    Criterion("s >= 15, d < 8: in the set, or alone", ("close",), _if(_close, _in_set), 0.95),
-    Criterion("set of at most 4", ("close",), _if(_close, lambda r: set_size(r) <= 4), 1.0),
+    Criterion("s >= 15, d < 8: in the set, or alone", ("close",), _if(is_close, _in_set), 0.95),
+    Criterion("set of at most 4", ("close",), _if(is_close, lambda r: set_size(r) <= 4), 1.0),
     Criterion("s = 8-10, d >= 8: named", ("small",), _if(_small, right), 0.93),
     Criterion("healthy: a cause", ("healthy",), _always(_blamed), most=0.005),
     Criterion(
@@ -304,62 +304,6 @@ CRITERIA: tuple[Criterion, ...] = (
     ),
     Criterion("shoulder or arm CoM: advice", ("shoulder",), _advised("angle", "arm"), 0.95),
 )
-
-
-@dataclass(frozen=True)
-class Median:
-    """A median that is asked for.
-
-    Parameters
-    ----------
-    what, unit : str
-    values : tuple of float
-    most : float
-        What it may be; infinite: it is only told.
-    """
-
-    what: str
-    unit: str
-    values: tuple[float, ...]
-    most: float = np.inf
-
-    @property
-    def value(self) -> float:
-        """The median itself."""
-        return float(np.median(self.values))
-
-    @property
-    def is_met(self) -> bool:
-        """Whether it is no larger than asked for."""
-        return self.value <= self.most
-
-
-def medians(records: Sequence[Record]) -> list[Median]:
-    """Return every median that has trials."""
-    said = [r for r in records if "verdict" in r]
-    sets = [float(set_size(r)) for r in said if r["line"] == "close" and _close(r)]
-    found = [Median("s >= 15, d < 8: size of a set", "", tuple(sets), 2.0)]
-    for line, what, most in (
-        ("five_kg", "5 kg", (0.2, 15.0)),
-        ("five_kg_no_currents", "5 kg, no currents", (np.inf, np.inf)),
-    ):
-        off = [errors for r in said if r["line"] == line for errors in _payload_errors(r)]
-        mass, place = zip(*off, strict=True) if off else ((), ())
-        found.append(Median(f"{what}: error of the mass", "kg", mass, most[0]))
-        found.append(Median(f"{what}: error of the position", "mm", place, most[1]))
-    again = [r["again"] for r in said if r.get("again") is not None]
-    found.append(Median("run again in the engine: of noise", "", tuple(again), 1.2))
-    found.append(Median("one diagnosis", "s of CPU", tuple(r["cpu"] for r in said)))
-    return [median for median in found if median.values]
-
-
-def _payload_errors(record: Record) -> Iterator[tuple[float, float]]:
-    """Yield how far mass [kg] and position [mm] of payloads are from the true ones."""
-    for cause in record["named"]:
-        off = {key: value - true for key, true, value, _, _ in cause["values"]}
-        if "mass" in off and "com_x" in off:
-            place = np.linalg.norm([off[key] for key in ("com_x", "com_y", "com_z")])
-            yield abs(off["mass"]), 1e3 * float(place)
 
 
 def rates(records: Sequence[Record]) -> list[Rate]:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """How large an effect is against noise and healthy spread, and how far from its strongest rival.
 
-Size s: whitened norm of the rows with the effect minus those without, in exact readings of the
-engine that also makes the data. Separation d: the norm that the strongest rival leaves of it in its
-best fit, with no parameter beyond a few faults. Effects that contain the hidden one as a special
-case are no rivals; a force on a link in one pose is.
+Size s: whitened norm of the rows with the effect minus those without, in exact readings of a
+simulated robot: of the engine that also makes the data, or of plain statics where both agree.
+Separation d: the norm that the strongest rival leaves of it in its best fit, with no parameter
+beyond a few faults. Effects that contain the hidden one as a special case are no rivals; a force on
+a link in one pose is.
 """
 
 from __future__ import annotations
@@ -132,11 +133,11 @@ class Ruler:
         return self._faults[pair]
 
     def touches(self, poses: tuple[int, ...] | None = None) -> Mapping[Touch, np.ndarray]:
-        """Return the whitened columns of forces at all links in single poses, (m, 3) each."""
+        """Return the whitened columns, per fault, of forces at links in single poses, (m, 3)."""
         wanted = self._all if poses is None else tuple(poses)
         if wanted not in self._touches:
             found = dict[Touch, np.ndarray]()
-            size = scenario().data["rival"] * np.array(list(scenario().fault(CONTACT).values()))
+            size = np.array(list(scenario().fault(CONTACT).values()))
             for link in scenario().robot.tree.links:
                 pair = (CONTACT, link.name)
                 if pair not in self._columns:
@@ -210,21 +211,19 @@ class Ruler:
         general = scenario().general(pair)
         free = [self.faults(other, poses) for other in beside]
         best, strongest = np.inf, pair
-        for other in self.pairs:
-            if other == pair or other in general or other in beside:
-                continue
-            A = scenario().data["rival"] * np.hstack([self.faults(other, poses), *free])
+        own = (
+            (other, self.faults(other, poses))
+            for other in self.pairs
+            if other != pair and other not in general and other not in beside
+        )
+        touches = ((touch[:2], column) for touch, column in self.touches(poses).items())
+        for other, column in (*own, *touches):
+            A = scenario().data["rival"] * np.hstack([column, *free])
             # Least |x - A c|^2 + |c|^2: parameters beyond the size allowed cost as much as misfit.
             c = np.linalg.solve(A.T @ A + np.eye(A.shape[1]), A.T @ x)
             rest = float(np.sqrt(max(x @ x - x @ A @ c, 0.0)))
             if rest < best:
                 best, strongest = rest, other
-        for (effect, link, _), column in self.touches(poses).items():
-            A = np.hstack([column, *free])
-            c = np.linalg.solve(A.T @ A + np.eye(A.shape[1]), A.T @ x)
-            rest = float(np.sqrt(max(x @ x - x @ A @ c, 0.0)))
-            if rest < best:
-                best, strongest = rest, (effect, link)
         return best, strongest
 
     def whitened_of(self, values: np.ndarray, poses: tuple[int, ...]) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import fcntl
 import json
+import lzma
 import os
 import subprocess
 from collections.abc import Generator, Iterable
@@ -21,6 +22,12 @@ from comcal.measure.rows import repair_tail
 Record = dict[str, Any]
 Key = tuple[str, int, int]
 """Line, master seed and number of a trial."""
+
+
+def kept_trials(folder: Path) -> list[Record]:
+    """Return the trials that are kept with the sources, packed: those of the README's table."""
+    with lzma.open(folder / "trials.jsonl.xz", "rt", encoding="utf-8") as lines:
+        return [json.loads(line) for line in lines]
 
 
 def commit() -> str:

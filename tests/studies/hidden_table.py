@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from hidden_rates import Median, Rate, classes, counts, extra, medians, names, rates, right
+from hidden_medians import Median, medians
+from hidden_rates import Rate, classes, counts, extra, names, rates, right
 from hidden_scenario import Pair
 
 Record = Mapping[str, Any]

@@ -120,7 +120,7 @@ class Ordinary:
                 for i in np.unique(pose).tolist()
                 for mine in [pose == i]
             }
-            worst = max(gains, key=lambda i: gains[i], default=None)
+            worst = max(gains, key=gains.__getitem__, default=None)
             if worst is None or apart >= most or gains[worst] < price:
                 return float(r @ v), apart
             mine = pose == worst

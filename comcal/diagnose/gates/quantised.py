@@ -2,7 +2,8 @@
 """Readings that lie on a grid which is coarse against what is stated of their error.
 
 Averages of windows betray a grid as long as most windows see one step only, which is when its
-error matters: noise of a third of a step makes averages as fine as if there were no grid.
+error matters: noise of a third of a step makes averages as fine as if there were no grid. Where
+windows tell how far their samples scatter, two steps betray themselves by that as well.
 
 What a grid does to a reading that hardly changes is the same in all poses: an offset of the
 channel, which no fault has to explain.
@@ -13,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from comcal.diagnose.catalogue import Coordinate
 from comcal.diagnose.diagnosis import Finding
@@ -35,6 +37,8 @@ MOST = 0.5
 """Part of the windows that must lie on the grid of the samples ..."""
 EXCESS = 5.0
 """... by how many standard deviations more than by chance ..."""
+AS_EXPECTED = 0.01
+"""Difference of a deviation from what two steps make of it, in steps."""
 KEEPS = 0.9
 """... and which part of those on a grid must also lie on a multiple of it: half do by chance."""
 LARGEST_ANGLE_STEP = 0.01
@@ -125,7 +129,9 @@ def _of_averages(channel: Channel, values: Array, least: float) -> float | None:
     fine = _common_step(values, channel.resolution, least / LARGEST_SHARE, FEWEST)
     if fine is None:
         return None
-    return fine * _share(channel.values[np.isfinite(channel.values)], fine)
+    known = np.isfinite(channel.values)
+    numbers = np.round((channel.values[known] - values[0]) / fine).astype(np.int64)
+    return fine * (_share_by_scatter(numbers, channel.sd[known] / fine) or _share(numbers))
 
 
 def _common_step(values: Array, resolution: float, least: float, fewest: int) -> float | None:
@@ -146,16 +152,40 @@ def _common_step(values: Array, resolution: float, least: float, fewest: int) ->
     return None
 
 
-def _share(values: Array, fine: float) -> int:
+def _share_by_scatter(numbers: npt.NDArray[np.int64], sd: Array) -> int | None:
+    """Return how many times coarser the grid of the samples is, by how far they scatter.
+
+    Of n samples on two neighbouring steps, a part f on the upper one, the average lies f of a step
+    above the lower one, and the deviation is sqrt(n / (n - 1) f (1 - f)) steps.
+
+    Parameters
+    ----------
+    numbers : array of int, shape (N,)
+        Averages on their own grid, which is n times finer.
+    sd : array, shape (N,)
+        Of the samples of each window, in the same unit; NaN where not given.
+    """
+    best, share = max(FEWEST_STILL - 1, int(MOST * len(numbers))), None
+    still = numbers[sd <= AS_EXPECTED]
+    for n in range(2, LARGEST_SHARE + 1):
+        offset = np.bincount((still if still.size else numbers) % n).argmax()
+        f = ((numbers - offset) % n) / n
+        expected = n * np.sqrt(n / (n - 1) * f * (1.0 - f))
+        fits = np.abs(sd - expected) <= AS_EXPECTED * n
+        if fits.sum() > best and len(np.unique(f[fits])) >= FEWEST_STILL:
+            best, share = int(fits.sum()), n
+    return share
+
+
+def _share(numbers: npt.NDArray[np.int64]) -> int:
     """Return how many times coarser the grid of the samples is than that of their averages."""
-    numbers = np.round((values - values[0]) / fine).astype(np.int64)
     best, share, kept = EXCESS, 1, 0
     for n in range(2, LARGEST_SHARE + 1):
         counts = np.bincount(numbers % n)
-        on, chance = int(counts.max()), len(values) / n
+        on, chance = int(counts.max()), len(numbers) / n
         excess = (on - chance) / np.sqrt(chance)
         is_multiple = share > 1 and n % share == 0
-        if on < MOST * len(values) or excess <= best or (is_multiple and on < KEEPS * kept):
+        if on < MOST * len(numbers) or excess <= best or (is_multiple and on < KEEPS * kept):
             continue
         if len(np.unique(numbers[numbers % n == counts.argmax()])) >= FEWEST_STILL:
             best, share, kept = excess, n, on

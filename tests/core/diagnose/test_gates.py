@@ -232,6 +232,14 @@ def test_a_grid_that_noise_hides_is_let_pass(recorded: Recorder) -> None:
     assert passed(robot, table).findings == ()
 
 
+def test_a_grid_is_known_by_how_far_two_of_its_steps_scatter(recorded: Recorder) -> None:
+    """Most windows see two steps; some see one, which was taken for a frozen sensor."""
+    _, table = recorded("quantisation@l_foot:channels=fx+fy+fz,step=2")
+    (finding,) = passed(recorded.robot, table).findings
+    assert finding.change.words("channels") == CHANNELS[:3]
+    assert finding.change.number("step") == pytest.approx(2.0)
+
+
 def test_all_channels_of_a_converter_share_their_step(recorded: Recorder) -> None:
     robot, table = recorded("quantisation@imu:step=0.05")
     (finding,) = passed(robot, table).findings

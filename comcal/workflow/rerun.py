@@ -41,6 +41,7 @@ WINDOW = 0.1
 """Seconds that are averaged once the simulated robot has settled."""
 _PHYSICAL = (Realisation.ENGINE, Realisation.SENSOR_FRAME)
 _READ_TOO_EARLY = "not_settled"
+_PLACEMENT, _IN_PLANE = "foot_placement", {"x", "y", "yaw"}
 
 
 def rerun(
@@ -206,9 +207,26 @@ def physical(changes: Sequence[Change]) -> tuple[Change, ...]:
     """Return the changes that a physics engine is given: all but errors of readings alone."""
     return tuple(
         change
-        for change in changes
+        for change in where_encoders_stand(changes)
         if spec_of(change.effect).realisation in _PHYSICAL and change.effect != _READ_TOO_EARLY
     )
+
+
+def where_encoders_stand(changes: Sequence[Change]) -> tuple[Change, ...]:
+    """Return the changes of a robot that is sent where its encoders stood.
+
+    Where in the plane of the floor a foot stands is what they read: shifted once more, it would
+    stand elsewhere.
+    """
+    found = list[Change]()
+    for change in changes:
+        if change.effect == _PLACEMENT:
+            kept = {k: v for k, v in change.parameters.items() if k not in _IN_PLANE}
+            if kept:
+                found.append(replace(change, parameters=kept))
+        else:
+            found.append(change)
+    return tuple(found)
 
 
 def _not_simulated(changes: Sequence[Change]) -> Iterator[str]:

@@ -14,6 +14,8 @@ from comcal.report.rerun import NO_PROOF, rerun_json, rerun_lines
 from comcal.robot.changes import Change
 from comcal.robot.changes_text import parse_change
 from comcal.workflow.rerun import physical, rerun, rerun_gain
+from comcal_sims.builtin_world import BuiltinWorld
+from comcal_sims.faults.faulty_world import FaultyWorld
 
 HIDDEN = (
     "payload@torso:mass=3,com_x=0.05,com_z=0.2",
@@ -98,6 +100,21 @@ def test_the_model_that_was_given_is_simulated_too(biped14, measured) -> None:
     assert gain.poses == tuple(p for p, s in zip(measured.pose, measured.support, strict=True))[:3]
     force = next(m for m in gain.measures if m.what == "total foot force")
     assert force.given < 12.0  # the cable's 10 N, and not the weight of the payload
+
+
+def test_a_foot_stands_where_the_encoders_say_and_is_not_moved_twice(biped14) -> None:
+    """Shifted in the plane once more, feet that closed already stood centimetres off."""
+    robot, plan = biped14.robot, biped14.plan[:33:3]
+    known = changes("foot_placement@right:x=-0.0067,y=0.001,z=0.0073,roll=0.035,pitch=0.0035")
+    world = FaultyWorld(BuiltinWorld(robot), robot, known, plan)
+    measured = biped14.noisy(biped14.measure(plan, world=world), np.random.default_rng(5))
+    found = rerun(robot, measured, "builtin", known)
+    both = np.isin(measured.pose, found.pose)
+    assert np.abs(found.q - measured.q[both]).max() < 4e-3
+    gain = rerun_gain(robot, measured, "builtin", known, np.random.default_rng(1))
+    assert gain.whole.extended < 1.35 * gain.whole.noise
+    assert gain.whole.given > 5.0 * gain.whole.noise
+    assert physical(changes("foot_placement@right:x=0.01,yaw=0.02")) == ()
 
 
 def test_errors_of_readings_are_taken_out_of_them(biped14, clean) -> None:

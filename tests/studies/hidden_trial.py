@@ -26,6 +26,7 @@ from comcal.robot.changes import Change
 from comcal.robot.changes_table import EFFECTS
 from comcal.robot.changes_text import change_text
 from comcal.robot.healthy import draw_healthy
+from comcal.workflow.rerun import where_encoders_stand
 
 Record = dict[str, Any]
 AGAIN_SEED = 1
@@ -167,7 +168,8 @@ def _again(case: Case, changes: Sequence[Change], said: Diagnosis, seed: int) ->
         poses = [replace(p, q=_within(at[p.pose])) for p in stage.poses if p.pose in at]
         there = replace(stage, poses=tuple(poses))
         engine = case.engine if case.engine == "mujoco" else "pybullet"
-        run = table_of(there, record(there, said.changes, engine=engine, noise=False))
+        known = where_encoders_stand(said.changes)
+        run = table_of(there, record(there, known, engine=engine, noise=False))
     except (NotBalancedError, UsageError):
         return None
     return _distance(case, new, run)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -273,3 +274,17 @@ def test_a_folder_goes_on_after_a_kill_and_refuses_other_code(
     monkeypatch.setattr(study.store, "code_hash", lambda: "other")
     with pytest.raises(UsageError, match="another code"):
         study.store.StudyFolder(tmp_path, None, 79)
+
+
+def test_the_table_in_the_readme_is_that_of_the_trials_that_are_kept(
+    study: SimpleNamespace, root: Path
+) -> None:
+    folder = root / "tests" / "studies" / "rates"
+    records = study.store.kept_trials(folder)
+    origin = json.loads((folder / "study.json").read_text("utf-8"))
+    readme = (root / "README.md").read_text("utf-8")
+    assert "\n".join(study.table.markdown(records)) in readme
+    assert str(origin["seed"]) in readme
+    assert origin["commit"][:7] in readme
+    assert {record["master"] for record in records} == {origin["seed"]}
+    assert {record["code"] for record in records} == {origin["code"]}

@@ -35,6 +35,9 @@ def test_content_has_the_schema_that_ships(verdict, diagnoses) -> None:
     assert content["verdict"] == verdict
     known = set(SCHEMA["properties"])
     assert set(content) == known, "the schema names every key"
+    rivals = [rival for cause in content["causes"] for rival in cause["rivals"]]
+    named = set(SCHEMA["$defs"]["rival"]["properties"])
+    assert all(set(rival) == named for rival in rivals), "of rivals as well"
 
 
 def test_schema_notices_a_missing_key_and_a_wrong_verdict(diagnoses) -> None:

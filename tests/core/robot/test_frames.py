@@ -56,6 +56,15 @@ def test_rpy_is_roll_first_about_fixed_axes():
     np.testing.assert_allclose(rotation_from_rpy([roll, pitch, yaw]) @ v, step, atol=1e-15)
 
 
+def test_a_batch_of_rpy_gives_the_product_of_three_turns_for_each():
+    rpy = np.random.default_rng(4).uniform(-3.0, 3.0, (2, 5, 3))
+    roll, pitch, yaw = np.moveaxis(rpy, -1, 0)
+    turns = rotation_about([0, 0, 1], yaw) @ rotation_about([0, 1, 0], pitch)
+    np.testing.assert_allclose(
+        rotation_from_rpy(rpy), turns @ rotation_about([1, 0, 0], roll), atol=1e-14
+    )
+
+
 def test_a_batch_of_angles_gives_the_rotation_of_each():
     angles = np.linspace(-2, 2, 12).reshape(3, 4)
     R = rotation_about([0.6, 0.0, 0.8], angles)

@@ -181,6 +181,10 @@ def _is_general(other: str, effect: str) -> bool:
 def undecided(effect: str, rivals: Sequence[Rival]) -> tuple[Rival, ...]:
     """Return the rivals of a cause that cannot be excluded, the likeliest of every effect first.
 
+    Where noise can hide what a rival leaves, evidence speaks for the simpler effect more than for
+    the likelier, so it excludes no effect; among the places of one effect none is simpler, and the
+    readings alone decide.
+
     Parameters
     ----------
     effect : str
@@ -188,12 +192,17 @@ def undecided(effect: str, rivals: Sequence[Rival]) -> tuple[Rival, ...]:
     rivals : sequence of Rival
         Strongest first.
     """
+    nearest = {rival.effect: rival.log_odds for rival in reversed(rivals)} | {effect: 0.0}
     close = [
         rival
         for rival in rivals
         if rival.log_odds < UNDECIDED
         or rival.fits_better
-        or (rival.left_sigmas < UNSEEN and not _is_general(rival.effect, effect))
+        or (
+            rival.left_sigmas < UNSEEN
+            and not _is_general(rival.effect, effect)
+            and rival.log_odds - nearest[rival.effect] < UNDECIDED
+        )
     ]
     best = {rival.effect: rival for rival in reversed(close)}
     first = [rival for rival in close if best[rival.effect] is rival]

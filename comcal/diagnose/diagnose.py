@@ -26,7 +26,7 @@ from comcal.diagnose.diagnosis import Diagnosis, Misfit, Verdict
 from comcal.diagnose.gain import gains
 from comcal.diagnose.gates.run import gates
 from comcal.diagnose.mistakes import screen_mistakes
-from comcal.diagnose.naming import Named, name_causes
+from comcal.diagnose.naming import Named, about_causes, name_causes
 from comcal.diagnose.places import place_of
 from comcal.diagnose.scales import learnt_scales, penalty
 from comcal.diagnose.scene import Scene, scene
@@ -83,7 +83,7 @@ def _diagnosed(
     table = undone[-1].table if undone else gated.table
     looked_for = causes if gated.is_fit else ()
     about = scene(_catalogue(assumed, table, looked_for, gated.leaves), (assumed, table))
-    named = _named(about, learn)
+    named = about_causes(_named(about, learn))
     about = replace(about, scales=named.scene.scales)
     fits = row_fits(about, named)
     misfit = _misfit(about, named, fits)

@@ -11,13 +11,14 @@ Causes that are there already belong to C, each with the spread of a fault.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from comcal.diagnose.catalogue import Catalogue
-from comcal.diagnose.metric import Metric
+from comcal.diagnose.metric import Metric, Products, metric
 from comcal.robot.tree import Array
 
 IMPOSSIBLE = -np.inf
@@ -112,17 +113,26 @@ def all_log_odds(of: Catalogue, against: Metric) -> Array:
     return np.where(of.open, found, IMPOSSIBLE)
 
 
-def whole(of: Catalogue, causes: tuple[int, ...], against: Metric) -> Explanation:
+def whole(
+    of: Catalogue, causes: tuple[int, ...], seen: Products, scales: Mapping[str, float]
+) -> Explanation:
     """Explain residuals by several candidates at once; coordinates one cause after the other.
+
+    Each is all that the robot is off by there, the fault and the healthy part together: no reading
+    tells the two from each other, and it is the sum that a model needs.
 
     Parameters
     ----------
     of : Catalogue
     causes : tuple of int
-    against : Metric
-        Of a healthy robot, without them.
+    seen : Products
+        Of columns and residuals, whitened by noise alone.
+    scales : mapping from family to float
+        Factors on healthy tolerances.
     """
     at = np.concatenate([np.arange(of.slices[i].start, of.slices[i].stop) for i in causes])
-    return explained(
-        against.K[np.ix_(at, at)], against.b[at], of.fault[at], of.positive[at], of.required[at]
-    )
+    beside = of.spread(scales)
+    beside[at] = 0.0
+    against = metric(seen, beside, at)
+    size = of.spread(scales, causes)[at]
+    return explained(against.K, against.b, size, of.positive[at], of.required[at])

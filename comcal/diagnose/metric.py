@@ -20,6 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.linalg import cholesky, solve_triangular
 
 from comcal.robot.tree import Array
@@ -83,7 +84,7 @@ class Metric:
         return -0.5 * (self.rr + self.log_det)
 
 
-def metric(of: Products, spread: Array) -> Metric:
+def metric(of: Products, spread: Array, only: npt.NDArray[np.intp] | slice = slice(None)) -> Metric:
     """Add the healthy spread.
 
     Parameters
@@ -91,21 +92,24 @@ def metric(of: Products, spread: Array) -> Metric:
     of : Products
     spread : array, shape (p,)
         Standard deviation of every column of a healthy robot; 0: none.
+    only : array of int or slice
+        Columns whose products are asked for; default all.
     """
     at = np.flatnonzero(spread)
+    K, b = of.K[:, only], of.b[only]
     if not at.size:
-        return Metric(of.K, of.b, of.rr, of.rows, 0.0)
+        return Metric(K[only], b, of.rr, of.rows, 0.0)
     D = spread[at]
     M = D[:, None] * of.K[np.ix_(at, at)] * D
     M[np.diag_indices_from(M)] += 1.0
     L = cholesky(M, lower=True, check_finite=False)
     half = solve_triangular(
-        L, D[:, None] * np.column_stack([of.K[at], of.b[at]]), lower=True, check_finite=False
+        L, D[:, None] * np.column_stack([K[at], of.b[at]]), lower=True, check_finite=False
     )
     across, right = half[:, :-1], half[:, -1]
     return Metric(
-        of.K - across.T @ across,
-        of.b - across.T @ right,
+        K[only] - across.T @ across,
+        b - across.T @ right,
         of.rr - float(right @ right),
         of.rows,
         2.0 * float(np.log(np.diag(L)).sum()),

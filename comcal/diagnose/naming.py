@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtrc
@@ -28,6 +28,8 @@ SURE = 1000.0
 """Log odds from which a cause is needed, whatever was linearised about what."""
 HOPELESS = 1e-6
 """Chance of what is left, below which nothing named can be trusted, needed or not."""
+LARGE_BESIDE = 100.0
+"""Norm of causes, in sigmas of noise, of which a healthy percent is no longer lost in noise."""
 MOST_ROUNDS = 12
 """Adding and dropping may go in circles."""
 SHOWN = 8
@@ -87,6 +89,18 @@ def name_causes(about: Scene, most: int = MOST_CAUSES) -> Named:
     if len(other.scene.r) != len(found.scene.r):  # evidences of other readings do not compare
         return found
     return max((found, other), key=_worth)
+
+
+def about_causes(named: Named) -> Named:
+    """Return the same causes, with what is healthy beside them linearised about them.
+
+    A healthy percent of a motor's torque constant is a percent of a large offset of its current
+    too: of what noise alone would let be known well, it is soon the larger error.
+    """
+    if not named.causes:
+        return named
+    here, fit = refitted(named.scene, named.causes, LARGE_BESIDE)
+    return replace(named, scene=here, fit=fit) if np.isfinite(fit.log_odds) else named
 
 
 def _hopeless(here: Scene, causes: tuple[int, ...]) -> bool:

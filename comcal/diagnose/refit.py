@@ -22,7 +22,8 @@ from comcal.robot.tree import Array
 ROUNDS = 4
 """Steps of the refit: each is far smaller than the one before."""
 LARGE = 1000.0
-"""Norm of causes, in sigmas of noise, from which everything else is linearised about them anew."""
+"""Norm of causes, in sigmas of noise, from which everything else is linearised about them anew
+while they are looked for."""
 FAR = 2.0
 """Way of a coordinate from which its columns are found anew, in standard deviations."""
 SMALL_STEP = 0.05
@@ -49,13 +50,17 @@ def corrected_by(of: Catalogue, causes: Sequence[int], coordinates: Array, state
     return state
 
 
-def refitted(about: Scene, causes: tuple[int, ...]) -> tuple[Scene, Explanation]:
+def refitted(
+    about: Scene, causes: tuple[int, ...], large: float = LARGE
+) -> tuple[Scene, Explanation]:
     """Fit causes without linearising them, and return the scene about them.
 
     Parameters
     ----------
     about : Scene
     causes : tuple of int
+    large : float
+        Norm of causes, in sigmas of noise, from which everything else is linearised about them.
 
     Returns
     -------
@@ -69,11 +74,11 @@ def refitted(about: Scene, causes: tuple[int, ...]) -> tuple[Scene, Explanation]
         return about, Explanation(0.0, np.zeros(0), np.zeros((0, 0)))
     of, state = about.of, about.origin
     at = np.concatenate([np.arange(of.slices[i].start, of.slices[i].stop) for i in causes])
-    found = whole(of, causes, about.against())
+    found = whole(of, causes, about.products, about.scales)
     for turn in range(ROUNDS):
         x = found.coordinates
         there = corrected_by(of, causes, x, state)
-        if turn == 0 and _way(about, at, x) > LARGE:
+        if turn == 0 and _way(about, at, x) > large:
             about = _linear_about(about, there, at, x)
         values = parity(*there).values
         raw, fitted = about.raw.copy(), about.fitted.copy()
@@ -93,7 +98,7 @@ def refitted(about: Scene, causes: tuple[int, ...]) -> tuple[Scene, Explanation]
             X = by.turned(raw)
         r = by.turned(np.nan_to_num(values)) + X[:, at] @ x
         about = replace(about, fitted=fitted, raw=raw, by=by, X=X, r=r)
-        found = whole(of, causes, about.against())
+        found = whole(of, causes, about.products, about.scales)
         moved = found.coordinates - x
         if np.all(np.abs(moved) <= SMALL_STEP * np.sqrt(np.diag(found.cov)) + 1e-15):
             break

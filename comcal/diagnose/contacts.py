@@ -32,6 +32,10 @@ _FORCE, _POINT = ("force_x", "force_y", "force_z"), ("point_x", "point_y", "poin
 KEYS = (*_FORCE, "couple_x", "couple_y", "couple_z")
 FAULT = np.array([20.0, 20.0, 20.0, 5.0, 5.0, 5.0])
 """Of a contact [N], [N m]."""
+WHERE_ON_ITS_LINE = (
+    "of a contact in one pose the force and the line along which it acts are known: its point is "
+    "the one of that line nearest to the link's CoM; where on the line it touched, no reading tells"
+)
 
 
 @dataclass(frozen=True)

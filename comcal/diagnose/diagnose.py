@@ -22,6 +22,7 @@ from comcal.diagnose.channels import (
     row_fits,
     traces_of,
 )
+from comcal.diagnose.contacts import WHERE_ON_ITS_LINE
 from comcal.diagnose.diagnosis import Diagnosis, Misfit, Verdict
 from comcal.diagnose.gain import gains
 from comcal.diagnose.gates.run import gates
@@ -115,7 +116,11 @@ def _diagnosed(
         ladder=named.ladder,
         scales=dict(named.scene.scales),
         blind=_blind(about),
-        notes=(*(() if gated.is_fit else (UNFIT,)), *missing_channels(assumed.robot, table)),
+        notes=(
+            *(() if gated.is_fit else (UNFIT,)),
+            *((WHERE_ON_ITS_LINE,) if _touched(named) else ()),
+            *missing_channels(assumed.robot, table),
+        ),
         poses=len(table),
         used_rows=about.products.rows,
         held_out=() if worth is None else worth.quantities,
@@ -202,6 +207,11 @@ def _verdict(is_wrong: bool, is_ambiguous: bool, misfit: Misfit) -> Verdict:
     if not is_wrong:
         return Verdict.NOTHING_WRONG
     return Verdict.AMBIGUOUS if is_ambiguous else Verdict.EXPLAINED
+
+
+def _touched(named: Named) -> bool:
+    """Whether contacts in single poses were named."""
+    return any(named.scene.of.candidates[i].poses for i in named.causes)
 
 
 def _blind(about: Scene) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from comcal.diagnose.contacts import WHERE_ON_ITS_LINE
 from comcal.diagnose.diagnose import diagnose
 from comcal.diagnose.diagnosis import Verdict
 from comcal.predict.assumed import Assumed
@@ -62,6 +63,7 @@ def test_hands_are_found_in_their_poses_and_nothing_else(study: SimpleNamespace,
             f"{change.effect}@{change.target} (a link touches something) in pose" in said.sentence
         )
         assert all(str(pose) in said.sentence for pose in change.poses() or ())
+    assert WHERE_ON_ITS_LINE in said.notes
 
 
 def test_a_spring_that_one_pose_stretches_may_be_a_hand_in_that_pose(

@@ -151,6 +151,8 @@ def test_the_truth_of_a_parameter_has_the_healthy_part_in_it(study: SimpleNamesp
     assert study.judge.total("stiffness", springs[0], springs) == pytest.approx(1 / 1.1e-4)
     masses = [Change("link_mass", "torso", {"mass": m}) for m in (2.0, -0.1)]
     assert study.judge.total("mass", masses[0], masses) == pytest.approx(1.9)
+    scales = [Change("torque_constant", "l_knee", {"relative": r}) for r in (0.4, -0.01)]
+    assert study.judge.total("relative", scales[0], scales) == pytest.approx(0.386)
     touches = [Change("external_contact", "l_arm", {"force_x": x, "poses": (x,)}) for x in (3, 4)]
     assert study.judge.total("force_x", touches[0], touches) == pytest.approx(3.0)
 

@@ -116,13 +116,16 @@ def values_of(
     """Return key, truth, estimate and interval of every parameter of a cause that is true.
 
     The truth is what was hidden together with what the healthy robot has of the same. Empty for a
-    cause that is not true.
+    cause that is not true. Where on its line a contact in one pose pushed is never said, so its
+    point is not held against the one that was hidden.
     """
     truth = next((h for h in hidden if same_change(h, cause.change)), None)
     if truth is None or truth.effect in WIRING or truth.effect == "unknown":
         return []
     found = list[list[object]]()
     for key, estimate in cause.estimates.items():
+        if cause.change.poses() and key.startswith("point_"):
+            continue
         true = total(key, truth, changes)
         low, high = estimate.interval
         found.append([key, true, float(estimate.value), float(low), float(high)])
@@ -130,11 +133,16 @@ def values_of(
 
 
 def total(key: str, truth: Change, changes: Sequence[Change]) -> float:
-    """Return the sum of a parameter over all changes of one effect at one target, in one pose."""
+    """Return what a parameter comes to over all changes of one effect at one target, in one pose.
+
+    Stiffnesses are in series, scales of a motor's torque multiply, all else adds up.
+    """
     place = truth.effect, truth.target, truth.poses()
     same = [c for c in changes if (c.effect, c.target, c.poses()) == place] or [truth]
     if key == "stiffness":
         return 1.0 / sum(1.0 / c.number(key, np.inf) for c in same)
+    if truth.effect == "torque_constant":
+        return float(np.prod([1.0 + c.number(key) for c in same])) - 1.0
     return sum(c.number(key) for c in same)
 
 

@@ -135,6 +135,7 @@ class _Folds:
         scene = self.scene
         self.at = _coordinates(scene, self.causes)
         spread = scene.of.spread(scene.scales)
+        spread[self.at] = 0.0  # what is healthy of the causes is a part of what is fitted
         healthy = np.flatnonzero(spread)
         for fold in range(FOLDS):
             away = self.poses[self.dealt == fold]
@@ -149,29 +150,28 @@ class _Folds:
             self.fits.append(_Fit(held, ~held, rows, X, weighted, X.T @ weighted, b))
 
     def loss(self, some: tuple[int, ...]) -> _Loss:
-        """Return the errors of poses held out, with some of the causes in the model."""
-        scene, by = self.scene, self.scene.by
+        """Return the errors of poses held out, with some of the causes in the model.
+
+        Of the others no more is there than what is healthy, and the model has nothing of it.
+        """
+        scene, by, of = self.scene, self.scene.by, self.scene.of
         at = _coordinates(scene, some)
-        mine = np.flatnonzero(np.isin(self.at, at))
+        mine = np.isin(self.at, at)
+        size = of.spread(scene.scales, some)[self.at]
         left = _nominal(scene)
         fitted: list[Array] = []
         for fit in self.fits:
-            of = scene.of
             found = explained(
-                fit.K[np.ix_(mine, mine)],
-                fit.b[mine],
-                of.fault[at],
-                of.positive[at],
-                of.required[at],
+                fit.K, fit.b, size, of.positive[self.at] & mine, of.required[self.at] & mine
             )
-            left[fit.rows] -= scene.raw[fit.rows][:, at] @ found.coordinates
-            fitted.append(found.cov)
+            left[fit.rows] -= scene.raw[fit.rows][:, at] @ found.coordinates[mine]
+            fitted.append(found.cov[:, mine])
         white = by.turned(left)
         weighted = _weighted(scene, white)
         slope = 2.0 * weighted
         for fit, cov in zip(self.fits, fitted, strict=True):
             by_parameters = 2.0 * scene.X[fit.held][:, at].T @ weighted[fit.held]
-            slope[fit.train] -= fit.weighted[:, mine] @ (cov @ by_parameters)
+            slope[fit.train] -= fit.weighted @ (cov @ by_parameters)
         return _Loss(float(white @ weighted), left, slope)
 
 

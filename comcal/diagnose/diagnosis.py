@@ -53,9 +53,12 @@ class Rival:
         means that no reading tells them apart, 1 that they have nothing in common.
     left_sigmas : float
         The same in sigmas, as rare as that norm would be if it were noise in all parameters of the
-        cause: below 3 it is the simpler cause that is preferred, not the likelier.
+        cause: below 3 noise can hide it, and it is the simpler cause that is preferred, not the
+        likelier.
     fits_better : bool
         Whether it holds the cause named as a special case and fits better than chance would let it.
+    chi2_more : float
+        How much worse it fits than the cause named.
     poses : tuple of int
         Ids of the only poses in which it would act; empty: all.
     """
@@ -66,6 +69,7 @@ class Rival:
     left: float
     left_sigmas: float = float("inf")
     fits_better: bool = False
+    chi2_more: float = 0.0
     poses: tuple[int, ...] = ()
 
     @property

@@ -19,8 +19,10 @@ from comcal.robot.tree import Array
 UNDECIDED = 3.0
 """Log odds below which a rival cannot be excluded: 20 to 1."""
 UNSEEN = 3.0
-"""What a rival leaves, in sigmas, that noise may hide: then only simplicity speaks against it. Of
-a cause with several parameters noise hides more, for it has a part in each of them."""
+"""What a rival leaves, in sigmas, that noise may hide: then evidence, which counts simplicity, does
+not exclude it. Of a cause with several parameters noise hides more, having a part in each."""
+DISPROVED = 6.0
+"""What chi2 is larger by than that of another place of the same effect: 20 to 1 as well."""
 WIDE = 3.0
 """Faults up to which the parameters of a rival may go."""
 BY_CHANCE = 0.05
@@ -85,6 +87,7 @@ def rivals_of(named: Named, i: int) -> tuple[tuple[Rival, ...], float]:
             left,
             sigmas,
             better,
+            _explained_chi2(scene, against, i) - _explained_chi2(scene, against, c),
         )
         found.append(rival)
     poses = mine.poses
@@ -125,14 +128,16 @@ def _in_one_pose(named: Named, i: int, others: tuple[int, ...], own: float) -> l
 def _touch(named: Named, i: int, others: tuple[int, ...], own: float, contact: Contact) -> Rival:
     """Return a contact in one pose as a rival of cause *i*."""
     there = with_contact(named.scene, contact)
+    against, c = there.against(others), len(there.of.candidates) - 1
     x = own_coordinates(named, i)
-    left = left_by(there, there.against(others), x, i, len(there.of.candidates) - 1)
+    left = left_by(there, against, x, i, c)
     return Rival(
         EFFECT,
         there.at.assumed.robot.tree.links[contact.link].name,
         own - contact.log_odds,
         left,
         in_sigmas(left * size_of(named, i), len(x)),
+        chi2_more=_explained_chi2(there, against, i) - _explained_chi2(there, against, c),
         poses=(there.at.table.pose[contact.pose],),
     )
 
@@ -182,8 +187,7 @@ def undecided(effect: str, rivals: Sequence[Rival]) -> tuple[Rival, ...]:
     """Return the rivals of a cause that cannot be excluded, the likeliest of every effect first.
 
     Where noise can hide what a rival leaves, evidence speaks for the simpler effect more than for
-    the likelier, so it excludes no effect; among the places of one effect none is simpler, and the
-    readings alone decide.
+    the likelier, so it excludes no effect. Among such places of one effect the fit decides.
 
     Parameters
     ----------
@@ -192,18 +196,26 @@ def undecided(effect: str, rivals: Sequence[Rival]) -> tuple[Rival, ...]:
     rivals : sequence of Rival
         Strongest first.
     """
-    nearest = {rival.effect: rival.log_odds for rival in reversed(rivals)} | {effect: 0.0}
+    unseen = [
+        rival
+        for rival in rivals
+        if rival.left_sigmas < UNSEEN and not _is_general(rival.effect, effect)
+    ]
+    least: dict[tuple[str, bool], float] = {(effect, False): 0.0}
+    for rival in unseen:
+        least[_kind(rival)] = min(rival.chi2_more, least.get(_kind(rival), rival.chi2_more))
     close = [
         rival
         for rival in rivals
         if rival.log_odds < UNDECIDED
         or rival.fits_better
-        or (
-            rival.left_sigmas < UNSEEN
-            and not _is_general(rival.effect, effect)
-            and rival.log_odds - nearest[rival.effect] < UNDECIDED
-        )
+        or (rival in unseen and rival.chi2_more - least[_kind(rival)] < DISPROVED)
     ]
     best = {rival.effect: rival for rival in reversed(close)}
     first = [rival for rival in close if best[rival.effect] is rival]
     return (*first, *(rival for rival in close if best[rival.effect] is not rival))
+
+
+def _kind(rival: Rival) -> tuple[str, bool]:
+    """Return what has as many parameters everywhere: a touch in one pose is no lasting force."""
+    return rival.effect, bool(rival.poses)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
+from comcal.effects.registry import stage_of
 from comcal.robot.changes import Change
 from comcal.robot.tree import Array
 
@@ -388,5 +389,5 @@ class Diagnosis:
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """The extended model: every cause named, as changes of the model that was given."""
-        return tuple(cause.change for cause in self.causes)
+        """Every cause as a change of the model that was given, in the order of correction."""
+        return tuple(sorted((cause.change for cause in self.causes), key=stage_of))

@@ -17,7 +17,7 @@ from comcal.diagnose.contacts import (
 )
 from comcal.diagnose.diagnosis import Rung
 from comcal.diagnose.evidence import Explanation, all_log_odds, explain
-from comcal.diagnose.refit import refitted
+from comcal.diagnose.refit import LARGE_BESIDE, refitted
 from comcal.diagnose.scene import Scene
 
 MARGIN = 3.0
@@ -28,8 +28,6 @@ SURE = 1000.0
 """Log odds from which a cause is needed, whatever was linearised about what."""
 HOPELESS = 1e-6
 """Chance of what is left, below which nothing named can be trusted, needed or not."""
-LARGE_BESIDE = 100.0
-"""Norm of causes, in sigmas of noise, of which a healthy percent is no longer lost in noise."""
 MOST_ROUNDS = 12
 """Adding and dropping may go in circles."""
 SHOWN = 8

@@ -15,6 +15,7 @@ from comcal.diagnose.linear import Linear
 from comcal.diagnose.scene import Scene
 from comcal.diagnose.whitening import whitening
 from comcal.effects.effect import State
+from comcal.effects.registry import in_stages
 from comcal.predict.parity import parity
 from comcal.robot.changes import Change
 from comcal.robot.tree import Array
@@ -24,6 +25,9 @@ ROUNDS = 4
 LARGE = 1000.0
 """Norm of causes, in sigmas of noise, from which everything else is linearised about them anew
 while they are looked for."""
+LARGE_BESIDE = 20.0
+"""The same at the end: a healthy spread of a few percent of a cause is soon more than the noise
+that its interval is made of."""
 FAR = 2.0
 """Way of a coordinate from which its columns are found anew, in standard deviations."""
 SMALL_STEP = 0.05
@@ -45,9 +49,8 @@ def changes_at(of: Catalogue, causes: Sequence[int], coordinates: Array) -> tupl
 
 def corrected_by(of: Catalogue, causes: Sequence[int], coordinates: Array, state: State) -> State:
     """Apply causes to a state."""
-    for i, change in zip(causes, changes_at(of, causes, coordinates), strict=True):
-        state = of.candidates[i].effect.correct(*state, change)
-    return state
+    of_causes = [of.candidates[i].effect for i in causes]
+    return in_stages(state, zip(of_causes, changes_at(of, causes, coordinates), strict=True))
 
 
 def refitted(

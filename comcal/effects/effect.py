@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from enum import IntEnum
 
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
@@ -17,6 +18,20 @@ from comcal.robot.changes import Change
 
 State = tuple[Assumed, PoseTable]
 """What is assumed, and the readings as they are then understood."""
+
+
+class Stage(IntEnum):
+    """When readings are corrected for an effect: against the order in which they came about.
+
+    A current is scaled by its motor, then its sensor adds an offset: the offset is taken off first,
+    whichever was found first. What was found later, of readings that were corrected, comes later.
+    """
+
+    WIRING = 0
+    TIME = 1
+    OFFSET = 2
+    SCALE = 3
+    ELSE = 4
 
 
 @dataclass(frozen=True)
@@ -41,6 +56,8 @@ class Effect:
     at_origin : bool
         Whether it is a force at the origin of its link, and nothing else of that link: links that
         share their origin in every posture are then one target.
+    stage : Stage
+        When it is corrected, among several that were found together.
     signature : str
         What moves with what.
     separated_by : str
@@ -59,3 +76,4 @@ class Effect:
     inverse: str = ""
     moments: tuple[str, ...] = ()
     at_origin: bool = False
+    stage: Stage = Stage.ELSE

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from comcal.effects.effect import Effect, State
+from comcal.effects.effect import Effect, Stage, State
 from comcal.effects.readings import raw_sign, with_wrench
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
@@ -81,6 +81,7 @@ def _position(assumed: Assumed, table: PoseTable, change: Change) -> State:
 FT_BIAS = Effect(
     name="ft_bias",
     correct=_bias,
+    stage=Stage.OFFSET,
     fault=_by_channel(10.0, 1.0),
     family=_by_channel("ft_bias_force", "ft_bias_moment"),
     signature="constant in that sensor's rows, loaded or not",
@@ -90,6 +91,7 @@ FT_BIAS = Effect(
 FT_GAIN = Effect(
     name="ft_gain",
     correct=_gain,
+    stage=Stage.SCALE,
     fault=_by_channel(0.1, 0.1, "gain_"),
     family={f"gain_{c}": "ft_gain" for c in CHANNELS},
     signature="proportional to the load, nothing when lifted",
@@ -99,6 +101,7 @@ FT_GAIN = Effect(
 FT_CROSSTALK = Effect(
     name="ft_crosstalk",
     correct=_crosstalk,
+    stage=Stage.SCALE,
     fault={
         f"{a}_to_{b}": (0.05 if a[0] == b[0] else 0.02 if a[0] == "f" else 0.5)
         for a in CHANNELS
@@ -131,6 +134,7 @@ FT_POSITION = Effect(
 FT_DRIFT = Effect(
     name="ft_drift",
     correct=_drift,
+    stage=Stage.OFFSET,
     fault=_by_channel(0.02, 0.002),
     signature="the same pose differs later",
     separated_by="revisits, with the temperature going up and down in between",
@@ -139,6 +143,7 @@ FT_DRIFT = Effect(
 FT_TEMPERATURE = Effect(
     name="ft_temperature",
     correct=_temperature,
+    stage=Stage.OFFSET,
     fault=_by_channel(2.0, 0.2),
     signature="the same pose differs at another temperature",
     separated_by="revisits at another temperature",

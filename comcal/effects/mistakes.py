@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from comcal.effects.effect import Effect, State
+from comcal.effects.effect import Effect, Stage, State
 from comcal.effects.readings import raw_sign
 from comcal.measure.columns import channel_noise
 from comcal.measure.table import PoseTable
@@ -195,6 +195,7 @@ def measured_channels(robot: Robot, table: PoseTable, joint: str) -> tuple[str, 
 CHANNEL_SWAP = Effect(
     name="channel_swap",
     correct=_swapped,
+    stage=Stage.WIRING,
     fault={},
     signature="two channels carry what the other should",
     separated_by="poses that load one of the two alone",
@@ -203,6 +204,7 @@ CHANNEL_SWAP = Effect(
 SIGN_FLIP = Effect(
     name="sign_flip",
     correct=_scaled,
+    stage=Stage.WIRING,
     fault={},
     signature="residuals of twice the reading",
     separated_by="poses in which the reading is far from zero",
@@ -211,6 +213,7 @@ SIGN_FLIP = Effect(
 UNIT_ERROR = Effect(
     name="unit_error",
     correct=_scaled,
+    stage=Stage.WIRING,
     fault={},
     signature="readings that are too large or too small by one known factor",
     separated_by="poses in which the reading is far from zero",
@@ -219,6 +222,7 @@ UNIT_ERROR = Effect(
 FRAME_HANDEDNESS = Effect(
     name="frame_handedness",
     correct=_scaled,
+    stage=Stage.WIRING,
     fault={},
     signature="force and moment along one axis have the wrong sign",
     separated_by="poses with forces along, and moments about, that axis",
@@ -227,6 +231,7 @@ FRAME_HANDEDNESS = Effect(
 LEFT_RIGHT_SWAP = Effect(
     name="left_right_swap",
     correct=_swapped,
+    stage=Stage.WIRING,
     fault={},
     signature="one side reads what belongs to the other",
     separated_by="poses that differ between left and right; a lifted foot",

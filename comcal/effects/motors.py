@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from comcal.effects.effect import Effect, State
+from comcal.effects.effect import Effect, Stage, State
 from comcal.effects.readings import arrivals, joints_of
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
@@ -41,6 +41,7 @@ def _friction(assumed: Assumed, table: PoseTable, change: Change) -> State:
 TORQUE_CONSTANT = Effect(
     name="torque_constant",
     correct=_constant,
+    stage=Stage.SCALE,
     fault={"relative": 0.2},
     family={"relative": "torque_constant"},
     signature="the torque row of that joint in proportion to its torque",
@@ -50,6 +51,7 @@ TORQUE_CONSTANT = Effect(
 CURRENT_OFFSET = Effect(
     name="current_offset",
     correct=_offset,
+    stage=Stage.OFFSET,
     fault={"offset": 0.5},
     family={"offset": "current_offset"},
     signature="the torque row of that joint, constant",

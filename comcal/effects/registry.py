@@ -23,7 +23,7 @@ from comcal.effects import (
     surroundings,
     timing,
 )
-from comcal.effects.effect import Effect, State
+from comcal.effects.effect import Effect, Stage, State
 from comcal.errors import ConfigError
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
@@ -93,3 +93,16 @@ def corrected(assumed: Assumed, table: PoseTable, changes: Iterable[Change]) -> 
             )
         assumed, table = effect.correct(assumed, table, change)
     return assumed, table
+
+
+def in_stages(state: State, changes: Iterable[tuple[Effect, Change]]) -> State:
+    """Correct a state for changes that were found together, whichever was found first."""
+    for effect, change in sorted(changes, key=lambda pair: pair[0].stage):
+        state = effect.correct(*state, change)
+    return state
+
+
+def stage_of(change: Change) -> Stage:
+    """Return when a change is corrected, among several that were found together."""
+    effect = effects().get(change.effect)
+    return Stage.ELSE if effect is None else effect.stage

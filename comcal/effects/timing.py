@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from comcal.effects.effect import Effect, State
+from comcal.effects.effect import Effect, Stage, State
 from comcal.effects.readings import raw_sign, with_wrench
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
@@ -68,6 +68,7 @@ def _on_time(assumed: Assumed, table: PoseTable, change: Change) -> State:
 NOT_SETTLED = Effect(
     name="not_settled",
     correct=_settled,
+    stage=Stage.TIME,
     fault={"time": 0.75},
     signature="every row in proportion to the slopes within the windows",
     separated_by="the same pose held for longer",
@@ -76,6 +77,7 @@ NOT_SETTLED = Effect(
 TIMING_SKEW = Effect(
     name="timing_skew",
     correct=_on_time,
+    stage=Stage.TIME,
     fault={"time": 0.1},
     family={"time": "timing_skew"},
     signature="the rows of one sensor in proportion to its slopes",

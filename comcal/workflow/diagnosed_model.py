@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from comcal.diagnose.diagnosis import Cause, Diagnosis, Verdict
+from comcal.effects.registry import stage_of
 from comcal.robot.changes import Change, Value
 from comcal.robot.changes_yaml import KnownChange, extension_text
 
@@ -45,7 +46,7 @@ def extended_model(given: Sequence[KnownChange], diagnosis: Diagnosis) -> tuple[
         added to it: its sigma is then that of the cause, which was measured against it.
     """
     model = list(given)
-    for cause in diagnosis.causes:
+    for cause in sorted(diagnosis.causes, key=lambda cause: stage_of(cause.change)):
         known = _known(cause)
         at = _same_place(model, known.change)
         if at is None:

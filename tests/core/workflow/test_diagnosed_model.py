@@ -43,6 +43,18 @@ def test_other_causes_follow_what_was_given_in_its_order() -> None:
     assert model[0] == given[0]
 
 
+def test_an_offset_comes_before_the_scale_that_was_found_first() -> None:
+    """The scale was given: what is found after it is of readings that are scaled."""
+    scale = cause("torque_constant", "l_knee", relative=0.2)
+    offset = cause("current_offset", "l_knee", offset=0.5)
+    both = diagnosis(scale, offset)
+    assert [k.change for k in extended_model((), both)] == [offset.change, scale.change]
+    assert both.changes == (offset.change, scale.change)
+    given = [KnownChange(scale.change)]
+    found = [k.change for k in extended_model(given, diagnosis(offset))]
+    assert found == [scale.change, offset.change]
+
+
 @pytest.mark.parametrize(
     ("effect", "target", "first", "second"),
     [

@@ -101,10 +101,10 @@ def torque_readings(robot: Robot, table: PoseTable) -> TorqueReadings:
     variance = np.where(measured, table.torque_var, table.current_var * factor**2)
     from_current = ~measured & np.isfinite(by_current)
 
-    coulomb = np.where(from_current, float(tolerances.get(FRICTION, 0.0)), 0.0)
+    coulomb = np.where(from_current, _tolerance(robot, table, FRICTION, "coulomb"), 0.0)
     side = np.nan_to_num(table.approach)
-    gain = float(tolerances.get("torque_constant", 0.0))
-    offset = float(tolerances.get("current_offset", 0.0))
+    gain = _tolerance(robot, table, "torque_constant", "relative")
+    offset = _tolerance(robot, table, "current_offset", "offset")
     return TorqueReadings(
         joints=robot.tree.joint_names,
         value=value,
@@ -113,3 +113,14 @@ def torque_readings(robot: Robot, table: PoseTable) -> TorqueReadings:
         offset=np.where(from_current, offset * np.nan_to_num(factor), 0.0),
         friction=coulomb * side,
     )
+
+
+def _tolerance(robot: Robot, table: PoseTable, family: str, key: str) -> Array:
+    """Return how far each joint may be off, shape (n_joints,).
+
+    Nothing where a known change says it of that joint: how well, is among the errors that all poses
+    share.
+    """
+    names = robot.tree.joint_names
+    known = np.array([f"{family}@{joint} {key}" in table.shared for joint in names], np.bool_)
+    return np.where(known, 0.0, float(robot.tolerances.other.get(family, 0.0)))

@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import norm
 
+from comcal.effects.extend import extend
 from comcal.errors import NotFiniteError
 from comcal.identify.adjust import Adjustment, adjust
 from comcal.identify.calibration import Verdict, calibrate
@@ -20,8 +21,11 @@ from comcal.identify.solution import solve_all
 from comcal.identify.torque_readings import torque_readings
 from comcal.identify.words import unseen_directions
 from comcal.measure.table import PoseTable
+from comcal.robot.changes import Change
+from comcal.robot.changes_yaml import KnownChange
 from comcal.robot.draw import links_below_cuts
 from comcal.robot.model import Robot, Tolerances
+from comcal.statics.torque_rows import motor_torque_factors
 
 EVERYTHING = Scope(torques=True, free_masses=True)
 
@@ -193,6 +197,30 @@ def test_currents_count_as_torques_with_their_own_errors(biped14):
     np.testing.assert_allclose(found.friction, np.nan_to_num(approach))
     np.testing.assert_allclose(found.gain, 0.02 * table.torque)
     np.testing.assert_allclose(found.offset, np.tile(0.1 * factor, (3, 1)))
+
+
+def test_what_a_model_says_of_a_motor_stands_instead_of_its_tolerance(biped14):
+    """What was found holds the healthy part too; how well it is known is an error of its own."""
+    tolerances = Tolerances(other={"torque_constant": 0.02, "joint_friction": 1.0})
+    robot = replace(biped14.robot, tolerances=tolerances)
+    table = biped14.measure(biped14.plan[:3])
+    factor = motor_torque_factors(robot)
+    currents = replace(
+        table,
+        current=table.torque / factor,
+        current_var=np.full_like(table.q, 0.01**2),
+        torque=np.full_like(table.q, np.nan),
+    )
+    found = Change("torque_constant", "l_knee", {"relative": 0.3})
+    known = extend(robot, currents, [KnownChange(found, {"relative": 0.003})])
+    knee = robot.tree.joint_names.index("l_knee")
+    said = torque_readings(known.robot, known.table)
+    assert known.shared == ("torque_constant@l_knee relative",)
+    assert not said.gain[:, knee].any()
+    others = np.delete(np.arange(len(robot.tree.joint_names)), knee)
+    np.testing.assert_allclose(said.gain[:, others], 0.02 * said.value[:, others])
+    # Of friction nothing was said: a band where the side is unknown.
+    assert np.all(said.variance[:, knee] > 1.0)
 
 
 def test_friction_cancels_when_poses_are_approached_from_both_sides(biped14):

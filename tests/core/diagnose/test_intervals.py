@@ -11,7 +11,7 @@ import pytest
 from comcal.diagnose.candidates import candidates
 from comcal.diagnose.catalogue import catalogue
 from comcal.diagnose.evidence import whole
-from comcal.diagnose.metric import products
+from comcal.diagnose.metric import metric, products
 from comcal.diagnose.naming import about_causes, name_causes
 from comcal.diagnose.scene import Scene, scene
 from comcal.measure.table import PoseTable
@@ -28,8 +28,19 @@ def looked_at(robot: Robot, table: PoseTable) -> Scene:
 
 @pytest.fixture(scope="module")
 def about(biped14) -> Scene:
-    table = biped14.noisy(biped14.measure(biped14.plan[::4]), np.random.default_rng(3))
-    return looked_at(biped14.robot, table)
+    rng = np.random.default_rng(3)
+    table = biped14.noisy(biped14.measure(biped14.plan[::4]), rng)
+    sides = rng.choice([-1.0, 1.0], table.q.shape)
+    return looked_at(
+        biped14.robot,
+        replace(
+            table,
+            approach=sides,
+            current=table.torque,
+            current_var=table.torque_var,
+            torque=np.full_like(table.torque, np.nan),
+        ),
+    )
 
 
 @pytest.mark.parametrize("name", ["ft_bias@l_foot", "torque_constant@l_knee", "imu_mounting"])
@@ -50,6 +61,22 @@ def test_the_interval_is_that_of_fault_and_healthy_part_together(about: Scene, n
         found = whole(about.of, (i,), products(about.X, r), {})
         z.append((found.coordinates - true[part]) / np.sqrt(np.diag(found.cov)))
     assert np.mean(np.square(z)) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / DRAWS))
+
+
+def test_a_parameter_at_its_bound_keeps_its_healthy_spread(about: Scene) -> None:
+    """Friction that grows with the load alone: that there is no other was certain."""
+    i = about.of.index["joint_friction@l_knee"]
+    part, p = about.of.slices[i], len(about.of.fault)
+    assert about.of.candidates[i].keys == ("coulomb", "load_factor")
+    true = np.zeros(p)
+    true[part] = [-0.1, 0.1]
+    found = whole(about.of, (i,), products(about.X, about.X @ true), {})
+    assert found.coordinates[0] == 0.0
+    assert np.sqrt(found.cov[0, 0]) == about.of.healthy[part][0] > 0.0
+    j = part.start + 1
+    beside = about.of.spread({})
+    k = float(metric(products(about.X, about.r), beside).K[j, j])
+    assert found.cov[1, 1] == pytest.approx(1.0 / (k + about.of.fault[j] ** -2), rel=1e-6)
 
 
 @pytest.mark.parametrize("joint", ["l_knee", "r_hip_pitch"])

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -80,16 +80,14 @@ def row_fits(scene: Scene, named: Named) -> tuple[RowFit, ...]:
     of_row: dict[Row, list[int]] = {}
     for n in np.flatnonzero(np.isfinite(before)):
         of_row.setdefault(rows[n], []).append(int(n))
-    spread = scene.of.spread(named.scene.scales)
-    at = np.flatnonzero(spread)
-    noise = _noise_variance(scene)
+    given = _Healthy(replace(scene, scales=named.scene.scales))
+    about_causes = _Healthy(named.scene)
     found: list[RowFit] = []
     for row, numbers in of_row.items():
         index = np.array(numbers, np.intp)
-        T = scene.raw[np.ix_(index, at)] * spread[at]
-        C = T @ T.T + np.diag(noise[index])
-        kept = np.isfinite(after[index])
-        left = after[index][kept]
+        C = given.covariance(index)
+        kept = index[np.isfinite(after[index])]
+        left = after[kept]
         found.append(
             RowFit(
                 row,
@@ -98,11 +96,26 @@ def row_fits(scene: Scene, named: Named) -> tuple[RowFit, ...]:
                 after[index],
                 np.sqrt(np.diag(C)),
                 float(before[index] @ np.linalg.solve(C, before[index])),
-                float(left @ np.linalg.solve(C[np.ix_(kept, kept)], left)),
-                int(np.count_nonzero(kept)),
+                float(left @ np.linalg.solve(about_causes.covariance(kept), left)),
+                len(kept),
             )
         )
     return tuple(found)
+
+
+class _Healthy:
+    """Covariances of residuals of a healthy robot, about the state of a scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        spread = scene.of.spread(scene.scales)
+        at = np.flatnonzero(spread)
+        self._T = scene.raw[:, at] * spread[at]
+        self._noise = _noise_variance(scene)
+
+    def covariance(self, index: npt.NDArray[np.intp]) -> Array:
+        """Return that of some residuals, shape (k, k)."""
+        T = self._T[index]
+        return T @ T.T + np.diag(self._noise[index])
 
 
 def channels_of(scene: Scene, fits: tuple[RowFit, ...]) -> tuple[Channel, ...]:

@@ -75,14 +75,14 @@ def gains(named: Named) -> Gains | None:
     if len(poses) < LEAST_POSES or not causes:
         return None
     of = _Folds(scene, causes, _dealt(scene, poses), poses)
-    whole, none = of.loss(causes), of.loss(())
+    with_all, none = of.loss(causes), of.loss(())
     without = [of.loss(tuple(c for c in causes if c != i)) for i in causes]
     rows = sum(len(r) for r in scene.by.rows)
     return Gains(
-        tuple(_gain(loss, whole) for loss in without),
+        tuple(_gain(loss, with_all) for loss in without),
         none.squares / rows,
-        whole.squares / rows,
-        quantities(scene, none.left, whole.left),
+        with_all.squares / rows,
+        quantities(scene, none.left, with_all.left),
     )
 
 
@@ -103,10 +103,8 @@ class _Fit:
     held, train : array of bool, shape (m,)
     rows : array of bool, shape (n,)
         The residuals that are held out.
-    X : array, shape (m_train, k)
-        Columns of all causes, whitened by noise.
     weighted : array, shape (m_train, k)
-        C^-1 X.
+        C^-1 X of the columns X of all causes, whitened by noise.
     K, b : array, shape (k, k), (k,)
         X^T C^-1 X and X^T C^-1 r.
     """
@@ -114,7 +112,6 @@ class _Fit:
     held: npt.NDArray[np.bool_]
     train: npt.NDArray[np.bool_]
     rows: npt.NDArray[np.bool_]
-    X: Array
     weighted: Array
     K: Array
     b: Array
@@ -147,7 +144,7 @@ class _Folds:
             weighted = cho_solve(cho_factor(C, lower=True), X)
             rows = np.isin(scene.at.at.pose, away)
             b = weighted.T @ scene.r[~held]
-            self.fits.append(_Fit(held, ~held, rows, X, weighted, X.T @ weighted, b))
+            self.fits.append(_Fit(held, ~held, rows, weighted, X.T @ weighted, b))
 
     def loss(self, some: tuple[int, ...]) -> _Loss:
         """Return the errors of poses held out, with some of the causes in the model.

@@ -15,7 +15,8 @@ import click
     "--urdf",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="F",
-    help="Write the session's URDF with new numbers in <inertial>, every other byte as it was.",
+    help="Write the session's URDF with new numbers in <inertial> (and in <origin> of joints whose "
+    "length a model knows), every other byte as it was.",
 )
 @click.option(
     "--yaml",

@@ -75,6 +75,23 @@ class Candidate:
         poses = {} if self.poses is None else {"poses": self.poses}
         return Change(self.effect.name, self.target, {**values, **poses})
 
+    def columns(self, at: Linear) -> Array:
+        """Return what each coordinate adds to the residuals, per unit, shape (n, k).
+
+        Parameters
+        ----------
+        at : Linear
+            The state that lacks the cause.
+        """
+        found = np.zeros((len(at.at.values), len(self.keys)))
+        for k, size in enumerate(self.fault * STEP):
+            step = np.zeros(len(self.keys))
+            step[k] = size
+            state = self.effect.correct(at.assumed, at.table, self.change(step))
+            # Taking the cause back lowers the residuals by what it had added.
+            found[:, k] = -at.moved(state) / size
+        return found
+
 
 def candidates(robot: Robot, table: PoseTable) -> tuple[Candidate, ...]:
     """Return every effect at every target that the readings could speak about.
@@ -146,22 +163,3 @@ def _heaviest_at_each_point(robot: Robot, links: Sequence[int]) -> list[int]:
         if point not in best or tree.links[k].mass > tree.links[best[point]].mass:
             best[point] = k
     return sorted(best.values())
-
-
-def columns(candidate: Candidate, at: Linear) -> Array:
-    """Return what each coordinate of a cause adds to the residuals, per unit, shape (n, k).
-
-    Parameters
-    ----------
-    candidate : Candidate
-    at : Linear
-        The state that lacks the cause.
-    """
-    found = np.zeros((len(at.at.values), len(candidate.keys)))
-    for k, size in enumerate(candidate.fault * STEP):
-        step = np.zeros(len(candidate.keys))
-        step[k] = size
-        state = candidate.effect.correct(at.assumed, at.table, candidate.change(step))
-        # Taking the cause back lowers the residuals by what it had added.
-        found[:, k] = -at.moved(state) / size
-    return found

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from comcal.diagnose.candidates import Candidate, columns
+from comcal.diagnose.candidates import Candidate
 from comcal.diagnose.linear import Linear
 from comcal.robot.changes import ALL, spec_of
 from comcal.robot.healthy import healthy_spreads
@@ -99,7 +99,7 @@ class Catalogue:
 
     def columns(self, at: Linear) -> Array:
         """Return what each coordinate adds to the residuals, shape (n, p)."""
-        blocks = [columns(candidate, at) for candidate in self.candidates]
+        blocks = [candidate.columns(at) for candidate in self.candidates]
         return np.concatenate(blocks, axis=1) if blocks else np.zeros((len(at.at.values), 0))
 
 

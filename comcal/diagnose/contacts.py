@@ -21,6 +21,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from comcal.diagnose.candidates import Candidate
 from comcal.diagnose.catalogue import Catalogue, catalogue
+from comcal.diagnose.linear import Linear
 from comcal.diagnose.scene import Scene
 from comcal.effects.registry import effects
 from comcal.robot.changes import Change, Value
@@ -69,6 +70,14 @@ class WrenchInPose(Candidate):
         parameters["poses"] = self.poses or ()
         return Change(self.effect.name, self.target, parameters)
 
+    def columns(self, at: Linear) -> Array:
+        """Return what force and couple add to the residuals, shape (n, 6).
+
+        A couple alone is no contact, so no small step of one would show what it does.
+        """
+        here = np.isin(at.at.pose, [at.table.pose.index(pose) for pose in self.poses or ()])
+        return -_wrenches(at, at.assumed.robot.tree.link_index[self.target]) * here[:, None]
+
 
 @dataclass(frozen=True)
 class Contact:
@@ -111,7 +120,7 @@ def contacts(about: Scene, causes: Sequence[int]) -> list[Contact]:
         What may be there beside it.
     """
     links = links_that_touch(about)
-    L = about.by.turned(np.concatenate([_wrenches(about, k) for k in links], axis=1))
+    L = about.by.turned(np.concatenate([_wrenches(about.at, k) for k in links], axis=1))
     spread = about.of.spread(about.scales, causes)
     at = np.flatnonzero(spread)
     T = about.X[:, at] * spread[at]
@@ -147,8 +156,7 @@ def with_contact(about: Scene, contact: Contact) -> Scene:
     candidate = WrenchInPose(
         effects()[EFFECT], link.name, KEYS, (pose,), _log_prior(about), R_link_P, link.com
     )
-    here = (about.at.at.pose == contact.pose)[:, None]
-    raw = -_wrenches(about, contact.link) * here
+    raw = candidate.columns(about.at)
     one = catalogue([candidate], about.at.assumed.robot)
     return replace(
         about,
@@ -164,13 +172,13 @@ def _log_prior(about: Scene) -> float:
     return -float(np.log(len(about.at.table)))
 
 
-def _wrenches(about: Scene, link: int) -> Array:
+def _wrenches(at: Linear, link: int) -> Array:
     """Return how residuals move per unit of force and couple at a link's CoM, shape (n, 6)."""
-    links, com = about.at.links, about.at.assumed.robot.tree.links[link].com
+    links, com = at.links, at.assumed.robot.tree.links[link].com
     by_couple = links.by_couple[:, link]
     lever = np.swapaxes(links.R_link_P[:, link], 1, 2) @ com
     # A force there is one at the origin together with a couple, lever x force.
-    by_force = links.by_force[:, link] - cross(lever[about.at.at.pose], by_couple)
+    by_force = links.by_force[:, link] - cross(lever[at.at.pose], by_couple)
     return np.concatenate([by_force, by_couple], axis=1)
 
 

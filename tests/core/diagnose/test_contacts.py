@@ -71,6 +71,17 @@ def test_a_force_is_what_it_is_at_any_point_of_its_line(biped14, table: PoseTabl
     np.testing.assert_allclose(np.cross(R_link_P.T @ (HAND - p), f), 0.0, atol=1e-9)
 
 
+def test_a_touch_is_the_same_when_everything_is_linearised_anew(biped14, table: PoseTable) -> None:
+    """A couple without a force is no contact: by steps of one its columns came out as zero."""
+    about = looked_at(biped14.robot, table)
+    pose, link = table.support.index("double"), biped14.robot.tree.link_index["l_arm"]
+    (touch,) = [c for c in contacts(about, ()) if (c.link, c.pose) == (link, pose)]
+    there = with_contact(about, touch)
+    part = there.of.slices[-1]
+    assert np.abs(there.raw[:, part]).max(axis=0).min() > 0.1
+    np.testing.assert_array_equal(there.of.columns(there.at)[:, part], there.raw[:, part])
+
+
 def test_a_touch_is_as_likely_written_out_as_among_all_others(biped14, table: PoseTable) -> None:
     """That it was in this pose is one of as many possibilities as there are poses."""
     w = {sensor: wrench.copy() for sensor, wrench in table.wrench.items()}

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from comcal.diagnose.candidates import Candidate, candidates, columns
+from comcal.diagnose.candidates import Candidate, candidates
 from comcal.diagnose.linear import Linear
 from comcal.predict.assumed import Assumed
 from comcal.predict.parity import parity
@@ -36,7 +36,7 @@ def test_every_column_is_the_difference_of_all_residuals(biped14):
     for assumed in (Assumed(biped14.robot), sloped):
         at = Linear(assumed, table)
         for candidate in candidates(biped14.robot, table):
-            found, wanted = columns(candidate, at), differenced(candidate, at)
+            found, wanted = candidate.columns(at), differenced(candidate, at)
             scale = np.abs(wanted).max(axis=0) + 1e-9
             off = np.abs(found - wanted).max(axis=0) / scale
             assert (off < 2e-3).all(), (candidate.name, candidate.keys, off)
@@ -52,4 +52,4 @@ def test_an_angle_that_is_not_known_spoils_only_rows_that_follow_it(biped14):
     known = np.isfinite(at.at.values)
     assert np.count_nonzero(known[np.isin(at.at.pose, (1, 2))]) > 0
     for candidate in candidates(biped14.robot, at.table):
-        assert np.isfinite(columns(candidate, at)[known]).all(), candidate.name
+        assert np.isfinite(candidate.columns(at)[known]).all(), candidate.name

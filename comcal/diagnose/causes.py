@@ -100,7 +100,7 @@ def groups_of(causes: Sequence[Cause]) -> tuple[tuple[Rival, ...], ...]:
     """Return for every cause that has rivals which cannot be excluded the set of all of them."""
     found: list[tuple[Rival, ...]] = []
     for cause in causes:
-        rivals = undecided(cause.change.effect, cause.rivals)
+        rivals = undecided(cause.change, cause.rivals)
         if rivals:
             change = cause.change
             own = Rival(change.effect, change.target, 0.0, 0.0, poses=change.poses() or ())

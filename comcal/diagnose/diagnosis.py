@@ -339,7 +339,7 @@ class Diagnosis:
         Largest first. With the verdict ``unexplained`` they are partial and not to be trusted.
     groups : tuple of tuple of Rival
         Sets of causes that the readings do not tell apart, each with the one named first
-        (log odds 0).
+        (log odds 0), then the likeliest of every other kind, then other places.
     findings : tuple of Finding
     place : Place or None
         For ``unexplained``.

@@ -14,6 +14,7 @@ from comcal.diagnose.evidence import all_log_odds, explain
 from comcal.diagnose.metric import Metric
 from comcal.diagnose.naming import Named
 from comcal.diagnose.scene import Scene
+from comcal.robot.changes import Change
 from comcal.robot.tree import Array
 
 UNDECIDED = 3.0
@@ -183,25 +184,26 @@ def _is_general(other: str, effect: str) -> bool:
     return effect in GENERAL.get(other, set())
 
 
-def undecided(effect: str, rivals: Sequence[Rival]) -> tuple[Rival, ...]:
-    """Return the rivals of a cause that cannot be excluded, the likeliest of every effect first.
+def undecided(change: Change, rivals: Sequence[Rival]) -> tuple[Rival, ...]:
+    """Return the rivals of a cause that cannot be excluded, the likeliest of each other kind first.
 
     Where noise can hide what a rival leaves, evidence speaks for the simpler effect more than for
     the likelier, so it excludes no effect. Among such places of one effect the fit decides.
 
     Parameters
     ----------
-    effect : str
-        Of the cause named.
+    change : Change
+        The cause named.
     rivals : sequence of Rival
         Strongest first.
     """
+    mine = change.effect, bool(change.poses())
     unseen = [
         rival
         for rival in rivals
-        if rival.left_sigmas < UNSEEN and not _is_general(rival.effect, effect)
+        if rival.left_sigmas < UNSEEN and not _is_general(rival.effect, change.effect)
     ]
-    least: dict[tuple[str, bool], float] = {(effect, False): 0.0}
+    least = {mine: 0.0}
     for rival in unseen:
         least[_kind(rival)] = min(rival.chi2_more, least.get(_kind(rival), rival.chi2_more))
     close = [
@@ -211,9 +213,10 @@ def undecided(effect: str, rivals: Sequence[Rival]) -> tuple[Rival, ...]:
         or rival.fits_better
         or (rival in unseen and rival.chi2_more - least[_kind(rival)] < DISPROVED)
     ]
-    best = {rival.effect: rival for rival in reversed(close)}
-    first = [rival for rival in close if best[rival.effect] is rival]
-    return (*first, *(rival for rival in close if best[rival.effect] is not rival))
+    best = {_kind(rival): rival for rival in reversed(close)}
+    first = [rival for kind, rival in best.items() if kind != mine]
+    others = [rival for rival in close if rival not in first]
+    return (*(rival for rival in close if rival in first), *others)
 
 
 def _kind(rival: Rival) -> tuple[str, bool]:

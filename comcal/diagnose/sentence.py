@@ -12,6 +12,9 @@ CERTAIN = 15.0
 """Sigmas from which a cause is said to be there; a smaller effect that the catalogue lacks may look
 like a named one."""
 
+WEIGHED = 4
+"""Causes of a set that are told in a sentence."""
+
 
 def sentence(
     verdict: Verdict,
@@ -40,11 +43,23 @@ def sentence(
         return f"Some readings cannot be used: {refused}; {rest}."
     names = _listed(_words(causes))
     if verdict is Verdict.AMBIGUOUS:
-        sets = "; ".join(" or ".join(rival.name for rival in group) for group in groups)
-        return f"The readings do not tell which: {sets}.{also}"
+        return f"The readings do not tell which: {choices(groups)}.{also}"
     is_certain = all(cause.size >= CERTAIN for cause in causes)
     how = "explained by" if is_certain else "consistent with"
     return f"The readings are {how} {names}.{also}"
+
+
+def choices(groups: Sequence[Sequence[Rival]]) -> str:
+    """Return sets of causes in words; of a large one what a person can weigh at once."""
+    return "; ".join(
+        " or ".join(
+            [
+                *(rival.name for rival in group[:WEIGHED]),
+                *([f"one of {len(group) - WEIGHED} more"] if len(group) > WEIGHED else []),
+            ]
+        )
+        for group in groups
+    )
 
 
 def spot(place: Place) -> str:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from comcal.diagnose.diagnose import HEALTHY_P, MISFIT_P
 from comcal.diagnose.diagnosis import Cause, Channel, Diagnosis, Place, Rival, Verdict
+from comcal.diagnose.sentence import choices
 from comcal.report.display_units import shown_unit
 from comcal.robot.effect_specs import effect_specs
 
@@ -220,8 +221,7 @@ def verdict_words(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict is Verdict.EXPLAINED:
         return f"EXPLAINED by {' and '.join(names) or 'the readings that were refused'}"
     if diagnosis.verdict is Verdict.AMBIGUOUS:
-        sets = [" or ".join(rival.name for rival in group) for group in diagnosis.groups]
-        return f"AMBIGUOUS: {'; '.join(sets)}"
+        return f"AMBIGUOUS: {choices(diagnosis.groups)}"
     if diagnosis.verdict is Verdict.UNEXPLAINED:
         place = diagnosis.place
         where = f": it acts at {place.place} {place.target}".rstrip() if place else ""

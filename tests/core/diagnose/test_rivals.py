@@ -7,13 +7,15 @@ import pytest
 
 from comcal.diagnose.diagnosis import Rival
 from comcal.diagnose.rivals import DISPROVED, UNDECIDED, UNSEEN, undecided
+from comcal.diagnose.sentence import choices
+from comcal.robot.changes import Change
 
 FAR = 4.0 * UNSEEN
 """Sigmas that noise does not hide."""
 
 
 def names(effect: str, *rivals: Rival) -> list[str]:
-    return [rival.name for rival in undecided(effect, rivals)]
+    return [rival.name for rival in undecided(Change(effect, "torso", {}), rivals)]
 
 
 def test_evidence_excludes_what_noise_cannot_hide() -> None:
@@ -42,7 +44,7 @@ def test_among_places_of_one_effect_the_fit_decides() -> None:
     there = unseen("cable_pull", "torso", 4.5, 9.0)
     hand_there = unseen("external_contact", "torso", 6.6, 9.0)
     found = names("cable_pull", beside, here, there, hand_there)
-    assert found == ["cable_pull@l_thigh", "external_contact@pelvis"]
+    assert found == ["external_contact@pelvis", "cable_pull@l_thigh"]
 
 
 def test_a_place_that_fits_as_well_is_not_excluded_by_its_prior() -> None:
@@ -77,3 +79,23 @@ def test_what_holds_the_cause_as_a_special_case_is_none_by_that_alone() -> None:
     assert names("link_mass", general) == []
     better = Rival("payload", "torso", 2.0 * UNDECIDED, 0.0, 0.0, fits_better=True)
     assert names("link_mass", better) == ["payload@torso"]
+
+
+def test_the_likeliest_of_each_other_kind_comes_first() -> None:
+    places = [unseen("link_mass", name, 1.0 + k, 0.0) for k, name in enumerate(("pelvis", "waist"))]
+    cable, hand = (
+        unseen("cable_pull", "torso", 4.0, 0.0),
+        unseen("external_contact", "torso", 5.0, 0.0),
+    )
+    found = names("link_mass", *places, cable, hand)
+    expected = ["cable_pull@torso", "external_contact@torso", "link_mass@pelvis", "link_mass@waist"]
+    assert found == expected
+
+
+def test_a_sentence_names_four_of_a_set_and_counts_the_others() -> None:
+    group = [unseen("cable_pull", f"link{k}", float(k), 0.0) for k in range(6)]
+    four = " or ".join(f"cable_pull@link{k}" for k in range(4))
+    assert choices([group[:4]]) == four
+    assert choices([group, group[:2]]) == (
+        f"{four} or one of 2 more; cable_pull@link0 or cable_pull@link1"
+    )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from comcal.effects.effect import Effect, State
+from comcal.effects.effect import Effect, Stage, State
 from comcal.effects.readings import arrivals, joints_of, with_angles
 from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
@@ -100,6 +100,7 @@ JOINT_OFFSET = Effect(
 JOINT_COMPLIANCE = Effect(
     name="joint_compliance",
     correct=_compliance,
+    stage=Stage.SPRING,
     fault={"stiffness": 2e-4},
     family={"stiffness": "joint_compliance"},
     inverse="stiffness",
@@ -110,6 +111,7 @@ JOINT_COMPLIANCE = Effect(
 BACKLASH = Effect(
     name="backlash",
     correct=_backlash,
+    stage=Stage.SPRING,
     fault={"half_width": 0.005},
     family={"half_width": "backlash"},
     signature="a step where the torque changes its sign",

@@ -12,7 +12,7 @@ from comcal.measure.table import PoseTable
 from comcal.predict.assumed import Assumed
 from comcal.robot.changes import Change
 from comcal.robot.model import Robot
-from comcal.robot.tree import Joint, Link
+from comcal.robot.tree import Array, Joint, Link
 
 COM = ("com_x", "com_y", "com_z")
 
@@ -27,9 +27,17 @@ def _link(assumed: Assumed, change: Change) -> Link:
     return assumed.robot.tree.links[assumed.robot.tree.link_index[change.target]]
 
 
+def _own(assumed: Assumed, link: Link) -> tuple[float, Array]:
+    """Return mass and CoM of a link without what it carries."""
+    carried, moment = assumed.payloads.get(link.name, (0.0, np.zeros(3)))
+    mass = link.mass - carried
+    return mass, (link.mass * link.com - moment) / mass if carried and mass else link.com
+
+
 def _payload(assumed: Assumed, table: PoseTable, change: Change) -> State:
     link, more = _link(assumed, change), change.number("mass")
-    moment = link.mass * link.com + more * np.array(change.numbers(*COM))
+    added = more * np.array(change.numbers(*COM))
+    moment = link.mass * link.com + added
     mass = link.mass + more
     com = moment / mass if mass else link.com
     arm = np.array(change.numbers(*COM)) - link.com
@@ -37,13 +45,18 @@ def _payload(assumed: Assumed, table: PoseTable, change: Change) -> State:
     point = link.mass * more / mass * (arm @ arm * np.eye(3) - np.outer(arm, arm)) if mass else 0.0
     joined = replace(link, mass=mass, com=com, inertia=link.inertia + point)
     robot = _with_link(assumed.robot, change.target, joined)
-    return replace(assumed, robot=robot), table
+    carried, carried_moment = assumed.payloads.get(link.name, (0.0, np.zeros(3)))
+    payloads = {**assumed.payloads, link.name: (carried + more, carried_moment + added)}
+    return replace(assumed, robot=robot, payloads=payloads), table
 
 
 def _link_mass(assumed: Assumed, table: PoseTable, change: Change) -> State:
-    link = _link(assumed, change)
-    mass = link.mass + change.number("mass")
+    link, more = _link(assumed, change), change.number("mass")
+    mass = link.mass + more
     heavier = _denser(link, mass / link.mass) if link.mass else replace(link, mass=mass)
+    if change.target in assumed.payloads and mass:
+        _, com = _own(assumed, link)
+        heavier = replace(heavier, com=(link.mass * link.com + more * com) / mass)
     return replace(assumed, robot=_with_link(assumed.robot, change.target, heavier)), table
 
 
@@ -53,7 +66,9 @@ def _denser(link: Link, factor: float) -> Link:
 
 def _link_com(assumed: Assumed, table: PoseTable, change: Change) -> State:
     link = _link(assumed, change)
-    moved = replace(link, com=link.com + np.array(change.numbers(*COM)))
+    own, _ = _own(assumed, link)
+    share = own / link.mass if change.target in assumed.payloads and link.mass else 1.0
+    moved = replace(link, com=link.com + share * np.array(change.numbers(*COM)))
     return replace(assumed, robot=_with_link(assumed.robot, change.target, moved)), table
 
 

@@ -24,14 +24,17 @@ class Stage(IntEnum):
     """When readings are corrected for an effect: against the order in which they came about.
 
     A current is scaled by its motor, then its sensor adds an offset: the offset is taken off first,
-    whichever was found first. What was found later, of readings that were corrected, comes later.
+    whichever was found first. Springs and play give way to torques that need everything else. What
+    was found later, of readings that were corrected, comes later.
     """
 
     WIRING = 0
     TIME = 1
     OFFSET = 2
-    SCALE = 3
-    ELSE = 4
+    AXES = 3
+    SCALE = 4
+    ELSE = 5
+    SPRING = 6
 
 
 @dataclass(frozen=True)

@@ -116,6 +116,7 @@ FT_CROSSTALK = Effect(
 FT_MOUNTING = Effect(
     name="ft_mounting",
     correct=_mounting,
+    stage=Stage.AXES,
     fault=dict.fromkeys(("rx", "ry", "rz"), 0.05),
     family=dict.fromkeys(("rx", "ry", "rz"), "ft_mounting"),
     signature="forces sideways proportional to the weight, no lever to the CoM's height",

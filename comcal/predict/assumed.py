@@ -61,6 +61,9 @@ class Assumed:
     loads : tuple of Load
     imu_tilt : array, shape (2,)
         Roll and pitch of the IMU against the frame of its link [rad].
+    payloads : mapping from link to (mass, first moment)
+        What of a link's mass [kg] and of its mass times CoM [kg m], shape (3,), is not the link's
+        own: its own mass and CoM may be off as well.
     internal_torque : float
         Factor of the term M_2 that Muscolo 2017 (10) adds to the moment balance about y.
     inertia : float
@@ -72,5 +75,8 @@ class Assumed:
     sole_give: Mapping[str, Array] = field(default_factory=dict[str, Array])
     loads: tuple[Load, ...] = ()
     imu_tilt: Array = field(default_factory=lambda: _zeros(2))
+    payloads: Mapping[str, tuple[float, Array]] = field(
+        default_factory=dict[str, tuple[float, Array]]
+    )
     internal_torque: float = 0.0
     inertia: float = 0.0

@@ -20,15 +20,25 @@ from comcal.robot.tree import Array
 
 Z = float(ndtri(0.975))
 """Half width of a 95 % interval in standard deviations."""
-LARGEST_GROUP = 12
 
 
-def cause_of(named: Named, i: int, gain: Gain | None) -> Cause:
-    """Return cause *i* of what was named, with its rivals."""
+def cause_of(named: Named, i: int, gain: Gain | None, searched: Named) -> Cause:
+    """Return cause *i* of what was named, with its rivals.
+
+    Parameters
+    ----------
+    named : Named
+        About its causes: with parameters as they are stated.
+    i : int
+    gain : Gain or None
+    searched : Named
+        As it was searched. What would stand in the place of a cause is not to be linearised about
+        it: a mass at the CoM of a link sits elsewhere once a payload has moved that CoM.
+    """
     candidate = named.scene.of.candidates[i]
     x = own_coordinates(named, i)
     cov = _own_cov(named, i)
-    rivals, log_odds = rivals_of(named, i)
+    rivals, log_odds = rivals_of(searched, i)
     return Cause(
         candidate.change(x),
         estimates_of(candidate, x, cov),
@@ -104,7 +114,7 @@ def groups_of(causes: Sequence[Cause]) -> tuple[tuple[Rival, ...], ...]:
         if rivals:
             change = cause.change
             own = Rival(change.effect, change.target, 0.0, 0.0, poses=change.poses() or ())
-            found.append((own, *rivals[: LARGEST_GROUP - 1]))
+            found.append((own, *rivals))
     return tuple(found)
 
 

@@ -84,13 +84,14 @@ def _diagnosed(
     table = undone[-1].table if undone else gated.table
     looked_for = causes if gated.is_fit else ()
     about = scene(_catalogue(assumed, table, looked_for, gated.leaves), (assumed, table))
-    named = about_causes(_named(about, learn))
+    searched = _named(about, learn)
+    named = about_causes(searched)
     about = replace(about, scales=named.scene.scales)
     fits = row_fits(about, named)
     misfit = _misfit(about, named, fits)
     worth = gains(named)
     found = tuple(
-        cause_of(named, i, None if worth is None else worth.of_cause[k])
+        cause_of(named, i, None if worth is None else worth.of_cause[k], searched)
         for k, i in enumerate(named.causes)
     )
     groups = groups_of(found)

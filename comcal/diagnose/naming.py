@@ -98,7 +98,16 @@ def about_causes(named: Named) -> Named:
     if not named.causes:
         return named
     here, fit = refitted(named.scene, named.causes, LARGE_BESIDE)
-    return replace(named, scene=here, fit=fit) if np.isfinite(fit.log_odds) else named
+    if not np.isfinite(fit.log_odds):
+        return named
+    kept = _pruned(here, named.causes, named.threshold)
+    if kept == named.causes:
+        return replace(named, scene=here, fit=fit)
+    here, fit = refitted(here, kept, LARGE_BESIDE)
+    odds = all_log_odds(here.of, here.against(kept))
+    odds[list(kept)] = -np.inf
+    last = _rung(here, kept, fit, odds, named.threshold)
+    return replace(named, causes=kept, scene=here, fit=fit, ladder=(*named.ladder, last))
 
 
 def _hopeless(here: Scene, causes: tuple[int, ...]) -> bool:

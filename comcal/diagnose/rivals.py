@@ -10,7 +10,7 @@ from scipy.special import chdtrc, ndtri
 
 from comcal.diagnose.contacts import EFFECT, Contact, contacts, touches_count, with_contact
 from comcal.diagnose.diagnosis import Rival
-from comcal.diagnose.evidence import all_log_odds, explain
+from comcal.diagnose.evidence import all_log_odds, explained
 from comcal.diagnose.metric import Metric
 from comcal.diagnose.naming import Named
 from comcal.diagnose.scene import Scene
@@ -112,7 +112,8 @@ def _elsewhere(
         if scene.at.table.pose[contact.pose] in poses
         and tree.links[contact.link].name != mine.target
     ]
-    return [_touch(named, i, others, own, contact) for contact in same[:SHOWN]]
+    near = [c for k, c in enumerate(same) if k < SHOWN or own - c.log_odds < UNDECIDED]
+    return [_touch(named, i, others, own, contact) for contact in near]
 
 
 def _in_one_pose(named: Named, i: int, others: tuple[int, ...], own: float) -> list[Rival]:
@@ -174,9 +175,11 @@ def _fits_better(scene: Scene, against: Metric, i: int, rival: int) -> bool:
 
 
 def _explained_chi2(scene: Scene, against: Metric, i: int) -> float:
-    x = explain(scene.of, i, against).coordinates
-    part = scene.of.slices[i]
-    return float(2.0 * against.b[part] @ x - x @ against.K[part, part] @ x)
+    """Return by how much a cause lowers chi2, with parameters as far as rivals may go."""
+    of, part = scene.of, scene.of.slices[i]
+    K, b = against.K[part, part], against.b[part]
+    x = explained(K, b, WIDE * of.fault[part], of.positive[part], of.required[part]).coordinates
+    return float(2.0 * b @ x - x @ K @ x)
 
 
 def _is_general(other: str, effect: str) -> bool:

@@ -13,7 +13,7 @@ CERTAIN = 15.0
 like a named one."""
 
 WEIGHED = 4
-"""Causes of a set that are told in a sentence."""
+"""Causes of a set that are told in a sentence, if there are more than one beyond."""
 
 
 def sentence(
@@ -54,12 +54,16 @@ def choices(groups: Sequence[Sequence[Rival]]) -> str:
     return "; ".join(
         " or ".join(
             [
-                *(rival.name for rival in group[:WEIGHED]),
-                *([f"one of {len(group) - WEIGHED} more"] if len(group) > WEIGHED else []),
+                *(rival.name for rival in _weighed(group)),
+                *([f"one of {len(group) - WEIGHED} more"] if _weighed(group) != group else []),
             ]
         )
         for group in groups
     )
+
+
+def _weighed(group: Sequence[Rival]) -> Sequence[Rival]:
+    return group if len(group) <= WEIGHED + 1 else group[:WEIGHED]
 
 
 def spot(place: Place) -> str:

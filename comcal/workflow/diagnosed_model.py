@@ -69,7 +69,7 @@ def extended_text(given: Sequence[KnownChange], diagnosis: Diagnosis) -> str:
         lines.append("PARTIAL: the verdict is unexplained; more is wrong than these causes say")
     if diagnosis.verdict is Verdict.AMBIGUOUS:
         lines += [
-            "AMBIGUOUS: as likely as that: " + " or ".join(rival.name for rival in group)
+            "AMBIGUOUS: the readings exclude none of " + " or ".join(rival.name for rival in group)
             for group in diagnosis.groups
         ]
     if not diagnosis.causes:

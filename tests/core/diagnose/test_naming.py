@@ -122,6 +122,20 @@ def test_a_body_that_the_model_does_not_know_is_named_with_its_place(biped14):
         assert abs(estimate.value - value) < 4.0 * estimate.sigma, key
     assert cause.gain is not None
     assert cause.gain.is_real
+    # What fits worse by so much is excluded by the readings, not only for want of simplicity.
+    assert all(rival.chi2_more > 100.0 for rival in cause.rivals if rival.left > 0.3)
+    assert any(rival.left > 0.3 for rival in cause.rivals)
+
+
+def test_a_payload_that_outweighs_its_link_is_no_mass_of_that_link(biped14):
+    """Linearised about the payload, the link's CoM is where the payload is: it would be as good."""
+    true = heavier(biped14.robot, "l_hip_yoke", 1.9, np.array([0.038, 0.035, -0.09]))
+    table = biped14.measure(biped14.plan[::4], true_robot=true)
+    found = diagnose(Assumed(biped14.robot), biped14.noisy(table, np.random.default_rng(2)))
+    assert [cause.name for cause in found.causes] == ["payload@l_hip_yoke"]
+    (mass,) = [r for r in found.causes[0].rivals if r.name == "link_mass@l_hip_yoke"]
+    assert mass.left_sigmas > 8.0
+    assert found.verdict is Verdict.EXPLAINED
 
 
 def test_a_turned_sensor_is_told_from_a_sloping_floor(biped14, healthy):

@@ -96,6 +96,7 @@ def test_a_sentence_names_four_of_a_set_and_counts_the_others() -> None:
     group = [unseen("cable_pull", f"link{k}", float(k), 0.0) for k in range(6)]
     four = " or ".join(f"cable_pull@link{k}" for k in range(4))
     assert choices([group[:4]]) == four
+    assert choices([group[:5]]) == f"{four} or cable_pull@link4"
     assert choices([group, group[:2]]) == (
         f"{four} or one of 2 more; cable_pull@link0 or cable_pull@link1"
     )

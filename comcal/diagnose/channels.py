@@ -34,9 +34,10 @@ class RowFit:
         Residuals of this row.
     before, after : array, shape (k,)
     sigma : array, shape (k,)
-        Noise and healthy spread together.
+        Noise and healthy spread together, of the model as given.
     chi2_before, chi2_after : float
-        Against the covariance of the row over its poses: k if nothing is wrong.
+        Against the covariance of the row over its poses, of the model as given and about the
+        causes: k if nothing is wrong.
     rows_after : int
         Residuals that still have a value once the causes are taken into account.
     """

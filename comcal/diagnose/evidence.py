@@ -119,8 +119,8 @@ def whole(
     """Explain residuals by several candidates at once; coordinates one cause after the other.
 
     Each is all that the robot is off by there, the fault and the healthy part together: no reading
-    tells the two from each other, and it is the sum that a model needs. The log odds are those
-    against a robot with neither.
+    tells the two from each other, and it is the sum that a model needs. The log odds are finite
+    if that is possible, and mean nothing else.
 
     Parameters
     ----------
@@ -133,18 +133,23 @@ def whole(
     """
     at = np.concatenate([np.arange(of.slices[i].start, of.slices[i].stop) for i in causes])
     healthy, size = of.spread(scales)[at], of.spread(scales, causes)[at]
+    positive, required = of.positive[at], of.required[at]
     beside = of.spread(scales)
     beside[at] = 0.0
-    bounds = of.positive[at], of.required[at]
-    found = explained(*_products(metric(seen, beside, at)), size, *bounds)
-    bounded = bounds[0] & (found.coordinates == 0.0) & (healthy > 0.0)
-    if not np.isfinite(found.log_odds) or not bounded.any():
+    alone = metric(seen, beside, at)
+    found = explained(alone.K, alone.b, size, positive, required)
+    bounded = np.zeros(len(at), np.bool_)
+    while np.any(more := positive & ~bounded & (found.coordinates == 0.0) & (healthy > 0.0)):
+        # Nothing is wrong along these, but what is healthy may still be there.
+        bounded |= more
+        beside[at] = np.where(bounded, healthy, 0.0)
+        against = metric(seen, beside, at)
+        others = np.where(bounded, 0.0, size)
+        again = explained(against.K, against.b, others, positive, required)
+        if not np.isfinite(again.log_odds):
+            return found
+        found = again
+    if not bounded.any():
         return found
-    # Nothing is wrong along these, but what is healthy may still be there.
-    beside[at[bounded]] = healthy[bounded]
-    found = explained(*_products(metric(seen, beside, at)), np.where(bounded, 0.0, size), *bounds)
-    return replace(found, cov=found.cov + np.diag(np.where(bounded, healthy**2, 0.0)))
-
-
-def _products(of: Metric) -> tuple[Array, Array]:
-    return of.K, of.b
+    left = np.linalg.inv(alone.K + np.diag(np.where(bounded, healthy, size) ** -2.0))
+    return replace(found, cov=found.cov + np.diag(np.where(bounded, np.diag(left), 0.0)))

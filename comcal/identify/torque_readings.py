@@ -118,8 +118,8 @@ def torque_readings(robot: Robot, table: PoseTable) -> TorqueReadings:
 def _tolerance(robot: Robot, table: PoseTable, family: str, key: str) -> Array:
     """Return how far each joint may be off, shape (n_joints,).
 
-    Nothing where a known change says it of that joint: how well, is among the errors that all poses
-    share.
+    Nothing where a known change says it of that joint, and how well: that is among the errors that
+    all poses share.
     """
     names = robot.tree.joint_names
     known = np.array([f"{family}@{joint} {key}" in table.shared for joint in names], np.bool_)

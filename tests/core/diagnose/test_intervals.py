@@ -72,11 +72,14 @@ def test_a_parameter_at_its_bound_keeps_its_healthy_spread(about: Scene) -> None
     true[part] = [-0.1, 0.1]
     found = whole(about.of, (i,), products(about.X, about.X @ true), {})
     assert found.coordinates[0] == 0.0
-    assert np.sqrt(found.cov[0, 0]) == about.of.healthy[part][0] > 0.0
-    j = part.start + 1
+    healthy, size = about.of.healthy[part][0], about.of.fault[part][1]
+    # As if it were off by what is healthy, to either side.
     beside = about.of.spread({})
-    k = float(metric(products(about.X, about.r), beside).K[j, j])
-    assert found.cov[1, 1] == pytest.approx(1.0 / (k + about.of.fault[j] ** -2), rel=1e-6)
+    beside[part] = 0.0
+    alone = metric(products(about.X, about.r), beside)
+    left = np.linalg.inv(alone.K[part, part] + np.diag([healthy**-2, size**-2]))
+    np.testing.assert_allclose(np.diag(found.cov), np.diag(left))
+    assert 0.0 < found.cov[0, 0] < healthy**2
 
 
 @pytest.mark.parametrize("joint", ["l_knee", "r_hip_pitch"])
